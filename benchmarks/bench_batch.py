@@ -1,6 +1,6 @@
 """Environments in batches: steps a second and memory of 1, 2, 8 and 64 scenes of one process, beside a process each.
 
-    python -m benchmarks.bench_batch [--moments 100]
+    python -m benchmarks.bench_batch [--moments 100] [--most 64]
 
 Every figure is of a new process, pinned to one core with all its children, so that scenes and not cores are counted.
 """
@@ -94,19 +94,19 @@ def _measured(n: int, jobs: int, moments: int, actions: Path) -> dict[str, float
     return found
 
 
-def _rows(moments: int) -> list[Row]:
+def _rows(moments: int, most: int) -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         np.save(actions := Path(folder) / "actions.npy", expert_actions())
-        together = {n: _measured(n, 1, moments, actions) for n in SCENES}
-        apart = {n: _measured(n, n, moments, actions) for n in PROCESSES}
+        together = {n: _measured(n, 1, moments, actions) for n in SCENES if n <= most}
+        apart = {n: _measured(n, n, moments, actions) for n in PROCESSES if n <= most}
     rows = []
     for figure, unit in (("rate", "steps/s"), ("memory", "MB")):
         name = "steps of all scenes" if figure == "rate" else "memory"
         rows += [Row(f"{name}, {_scenes(n)} in one process", each[figure], unit) for n, each in together.items()]
         rows += [Row(f"{name}, {n} processes of one scene each", each[figure], unit) for n, each in apart.items()]
-    few, many = SCENES[0], SCENES[-1]
+    few, many = min(together), max(together)
     rows.append(Row("each further scene", (together[many]["memory"] - together[few]["memory"]) / (many - few), "MB"))
-    few, many = PROCESSES
+    few, many = min(apart), max(apart)
     rows.append(Row("each further process", (apart[many]["memory"] - apart[few]["memory"]) / (many - few), "MB"))
     return rows
 
@@ -120,6 +120,7 @@ def main() -> None:
     given: Any = parse(
         __doc__,
         moments=(100, "steps of each scene that are measured"),
+        most=(SCENES[-1], "scenes at once"),
         scenes=(0, "of one figure"),
         jobs=(1, "processes"),
         actions=("", "a file of actions"),
@@ -128,7 +129,7 @@ def main() -> None:
     if given.scenes:
         print(json.dumps(measure(given.scenes, given.jobs, given.moments, np.load(given.actions))))
         return
-    rows = _rows(given.moments)
+    rows = _rows(given.moments, given.most)
     write_report("batch", "Environments in batches", rows, NOTES.format(apart=APART, moments=given.moments))
 
 

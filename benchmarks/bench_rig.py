@@ -3,11 +3,13 @@
     python benchmarks/bench_rig.py [--seconds 60] [--runs 5] [trocar up's options]
     python benchmarks/bench_rig.py --beside alone observers
     python benchmarks/bench_rig.py --beside alone stress --name rig-stress
+    python benchmarks/bench_rig.py --beside alone door --name rig-door
 
 Runs ``trocar up --seconds N --json FILE`` several times and tabulates medians over the runs; the table is written anew
 after each round. ``--beside`` names what runs beside it, interleaved: ``observers`` are four readers of every frame of
 every topic and a fifth that never takes what it has subscribed to, ``stress`` is stress-ng (a Debian package) with two
-processes that compute and two that fill memory, on whatever core they get. Where ``alone`` is among them, the table
+processes that compute and two that fill memory, on whatever core they get, ``door`` is `trocar foxglove` with a viewer
+that reads all channels and one that never reads. Where ``alone`` is among them, the table
 ends with what the others change: the median of the differences, each of two runs one after the other, beside how far
 the runs alone lie apart. A bare sleeper on each core, above every process of the rig, watches in every run what the
 machine takes (`machine_floor`), when nobody of the rig works: nobody's ticks can be better.
@@ -33,7 +35,7 @@ from rig_threads import watch
 from watched_rig import STRESS
 
 ROOT = Path(__file__).resolve().parents[1]
-LOADS = ("alone", "observers", "stress")
+LOADS = ("alone", "observers", "stress", "door")
 _OBSERVERS = ("reads",) * 4 + ("stops",)
 #: Misses that are asked of a loop: so many times the floor, or this share where that is more; under stress, this share.
 _TIMES_FLOOR, _LEAST_PERCENT, _STRESS_PERCENT = 2.0, 0.02, 0.2
@@ -49,6 +51,7 @@ def _beside(load: str, directory: Path) -> Iterator[None]:
             [sys.executable, str(ROOT / "benchmarks/rig_observers.py"), str(directory), k] for k in _OBSERVERS
         ],
         "stress": [STRESS],
+        "door": [[sys.executable, str(ROOT / "benchmarks/door_viewers.py"), str(directory)]],
     }[load]
     started = [subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) for command in commands]
     try:

@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SUBJECTS = {
     "servo law": (
         [f"services/gateway/servo/{name}.py" for name in ("servo_law", "energy_bound", "slew", "engagement")],
-        ["tests/gateway/servo"],
+        [f"tests/gateway/servo/test_{name}.py" for name in ("slew", "engagement", "servo_law", "energy_bound")],
     ),
     "bus": (
         [f"services/runtime/bus/{name}.py" for name in ("bus", "direct", "zmtp", "frame_batches")],
@@ -46,7 +46,7 @@ _COMPARED = {
 }  # fmt: skip
 _COMPUTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 _BOUNDS = {"min": "max", "max": "min"}
-_LONGEST_S = 300.0
+_LONGEST_S = 90.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,6 +68,11 @@ def _tangent(line: Centreline, k: int, reach_m: float) -> FloatArray:
     return unit
 
 
+def is_long(line: Centreline) -> bool:
+    """Return whether a line is long enough, in widths of what it runs through, to be that of a tube."""
+    return bool(line.at_m[-1] > _LEAST_LENGTH * np.median(line.diameters_m))
+
+
 def judge_tube(line: Centreline, first: Cut, last: Cut) -> None:
     """Refuse what is no tube between its two cuts.
 

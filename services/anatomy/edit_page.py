@@ -6,6 +6,7 @@ import asyncio
 import json
 import secrets
 import socket
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +20,12 @@ from starlette.requests import Request as HttpRequest
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from trocar.services.anatomy.making import MadeAnatomy, propose, rounded_mm
+from trocar.services.anatomy.making import MadeAnatomy, Request, propose, rounded_mm
 from trocar.services.meshes.errors import MeshError
 
 HOST = "127.0.0.1"
 _MOST_BYTES = 100_000
+_LOOK_S = 0.2
 _FILES = {"anatomy.html": "text/html", "anatomy.js": "text/javascript", "anatomy.css": "text/css"}
 Save = Callable[[MadeAnatomy], None]
 
@@ -43,7 +45,7 @@ class EditPage:
     def __init__(self, made: MadeAnatomy, save: Save, files: Path) -> None:
         self.made, self._save, self._files = made, save, files
         self.token = secrets.token_urlsafe(16)
-        self._ended = asyncio.Event()
+        self._ended = threading.Event()
         self.app = Starlette(
             routes=[
                 Route("/", self._page),
@@ -68,11 +70,14 @@ class EditPage:
     async def _run(self, listener: socket.socket) -> None:
         server = uvicorn.Server(uvicorn.Config(self.app, log_level="warning", access_log=False))
         serving = asyncio.create_task(server.serve(sockets=[listener]))
-        ending = asyncio.create_task(self._ended.wait())
-        await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
+        while not self._ended.is_set() and not serving.done():
+            await asyncio.wait((serving,), timeout=_LOOK_S)
         server.should_exit = True
         await serving
-        ending.cancel()
+
+    def end(self) -> None:
+        """End serving; from any thread."""
+        self._ended.set()
 
     def _admit(self, request: HttpRequest) -> None:
         """Refuse who does not have the token, and a name by which another site could reach this page."""
@@ -115,7 +120,7 @@ class EditPage:
 
     async def _end(self, request: HttpRequest) -> Response:
         self._admit(request)
-        self._ended.set()
+        self.end()
         return JSONResponse({})
 
 
@@ -143,20 +148,23 @@ def shown(made: MadeAnatomy) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def picked_request(made: MadeAnatomy, picked: dict[str, Any]) -> Any:
+def picked_request(made: MadeAnatomy, picked: dict[str, Any]) -> Request:
     """Return the request with what a person picked: mouth, held, ports_mm, goal_mm, and names by the old ones.
 
     Raises ValueError or MeshError if a value cannot be.
     """
     names = {str(old): str(new) for old, new in dict(picked.get("names", {})).items() if old != new}
-    renamed = lambda name: names.get(name, name)  # noqa: E731
     ports = tuple(_place(port) for port in picked.get("ports_mm") or ())
     goal = picked.get("goal_mm")
+    mouth, held = _renamed(picked["mouth"], names), tuple(_renamed(each, names) for each in picked["held"])
     return replace(
-        made.request, mouth=renamed(str(picked["mouth"])), held=tuple(renamed(str(each)) for each in picked["held"]),
-        names=tuple(f"{old}={new}" for old, new in names.items()), ports_mm=ports,
-        goal_mm=None if goal is None else _place(goal),
+        made.request, mouth=mouth, held=held, names=tuple(f"{old}={new}" for old, new in names.items()),
+        ports_mm=ports, goal_mm=None if goal is None else _place(goal),
     )  # fmt: skip
+
+
+def _renamed(name: Any, names: dict[str, str]) -> str:
+    return names.get(str(name), str(name))
 
 
 def _place(values: Any) -> tuple[float, float, float]:

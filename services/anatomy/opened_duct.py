@@ -10,7 +10,7 @@ import scipy
 
 from trocar.services.anatomy.catheter_choice import fitting_catheter
 from trocar.services.anatomy.centring import Centreline, centred
-from trocar.services.anatomy.cutting import Cut, cut_open, find_cut, judge_tube
+from trocar.services.anatomy.cutting import Cut, cut_open, find_cut, is_long, judge_tube
 from trocar.services.anatomy.patient_surface import PatientSurface, distances_m
 from trocar.services.anatomy.sections import Sectioner
 from trocar.services.anatomy.tips import Way, ways_between_tips
@@ -22,8 +22,8 @@ from trocar.services.meshes.errors import MeshError
 from trocar.services.meshes.openings import SurfaceOpening, enclosed_volume_m3, find_openings
 from trocar.services.meshes.remeshing import remesh
 
-_ROUGH_EDGE, _STEP = 0.45, 0.4
-"""Of the mean radius: edges of the surface on which tips are sought, and steps along a centreline."""
+_ROUGH_EDGE, _BAND, _STEP = 0.45, 0.7, 0.4
+"""Of the mean radius: edges of the surface on which tips are sought, the bands there, and steps along a centreline."""
 _LEAST_VOXELS = 2.0
 """Width of a lumen, in voxels, below which its shape is not known."""
 _BESIDE_VOXELS = 3.0
@@ -72,9 +72,12 @@ def open_duct(surface: PatientSurface, closed: TriangleMesh, thickness_m: float,
     Raises MeshError if it is no tree of tubes with two ends or more; the sentence names the place.
     """
     radius_m = 2.0 * enclosed_volume_m3(closed) / float(triangle_areas_m2(closed).sum())
-    ways = ways_between_tips(remesh(closed, _ROUGH_EDGE * radius_m))
+    even = closed if surface.volume is not None else remesh(closed, _ROUGH_EDGE * radius_m)  # a file's may be long
+    ways = ways_between_tips(even, _BAND * radius_m)
     sectioner = Sectioner(closed)
     lines = [centred(way.points_m, sectioner, _STEP * radius_m) for way in ways]
+    kept = [k for k, line in enumerate(lines) if k == 0 or is_long(line)]  # not from one corner of an end to another
+    ways, lines = [ways[k] for k in kept], [lines[k] for k in kept]
     cuts = _cuts(ways, lines, sectioner)
     judge_tube(lines[0], cuts[0], cuts[1])
     opened = cut_open(closed, cuts)

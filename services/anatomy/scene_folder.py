@@ -15,6 +15,7 @@ from trocar.services.files.atomic_file import atomic_file
 SURFACE, SCENE, PICTURE, REPORT, FACTS = "surface.vtp", "scene.yaml", "preview.png", "report.md", "report.json"
 SCENARIO = "scenario.yaml"
 GRAVITY_M_S2 = 9.81
+GOAL_ROOM_M = 10e-3
 
 
 def write_folder(made: MadeAnatomy, folder: Path) -> None:
@@ -89,6 +90,9 @@ title: Reach the marked place
 hint: Grasp the catheter, lead its tip into {made.choice.mouth}, and push it towards {made.goal.end}.
 scene: {json.dumps(str(folder.absolute() / SCENE))}
 goal: {{branch: {made.goal.end}, depth_m: {made.goal.depth_m:g}}}
+limits: # the goal with room on either side
+  depth_max_m: {{value: {made.goal.depth_m + GOAL_ROOM_M:g}, source: assumption}}
+  depth_min_m: {{value: {max(0.0, made.goal.depth_m - GOAL_ROOM_M):g}, source: assumption}}
 """
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.surface.centreline import SurfaceTree, surface_tree
@@ -12,7 +13,8 @@ from trocar.services.mechanics.surface.mesh import TriangleMesh, unique_edges
 from trocar.services.meshes.errors import MeshError
 
 LENGTH_OF_RADIUS = 2.0
-"""A branch that is not so many of its radii long is a bump of the wall."""
+"""A branch that is not so many of its radii long, and one radius of where it leaves, is a bump of the wall: so is the
+second corner of a flat end."""
 
 
 @dataclass(frozen=True)
@@ -28,15 +30,15 @@ class Way:
     points_m: FloatArray
 
 
-def ways_between_tips(mesh: TriangleMesh) -> list[Way]:
+def ways_between_tips(mesh: TriangleMesh, band_m: float) -> list[Way]:
     """Return the way from one of the two tips that are furthest apart to each other tip, the longest first.
 
-    ``mesh`` is closed, with edges of about equal length.
+    ``mesh`` is closed, with edges that are short beside ``band_m``, the step along the ways.
     Raises MeshError if the surface has a handle: then it is no tree of tubes.
     """
-    first = _furthest(surface_tree(mesh, np.array([0], np.int32)))
-    first = _furthest(surface_tree(mesh, np.array([first], np.int32)))
-    tree = surface_tree(mesh, np.array([first], np.int32))
+    first = _furthest(surface_tree(mesh, np.array([0], np.int32), band_m))
+    first = _furthest(surface_tree(mesh, np.array([first], np.int32), band_m))
+    tree = surface_tree(mesh, np.array([first], np.int32), band_m)
     _refuse_handle(mesh, tree)
     taken = {int(tree.node[first])}
     ways: list[Way] = []
@@ -69,11 +71,14 @@ def _is_branch(mesh: TriangleMesh, tree: SurfaceTree, tip: int, nodes: list[int]
     own = np.isin(tree.node, nodes[:-1])
     if not own.any():
         return False
-    middles = tree.middle_m[tree.node[own]]
-    radius_m = float(np.linalg.norm(mesh.vertices_m[own] - middles, axis=1).mean())
     joint = tree.node == nodes[-1]
     length_m = tree.distance_m[tip] - tree.distance_m[joint].max()
-    return bool(length_m > LENGTH_OF_RADIUS * radius_m)
+    return bool(length_m > max(LENGTH_OF_RADIUS * _radius_m(mesh, tree, own), _radius_m(mesh, tree, joint)))
+
+
+def _radius_m(mesh: TriangleMesh, tree: SurfaceTree, own: npt.NDArray[np.bool_]) -> float:
+    """Return the mean distance of some vertices from the middles of their bands."""
+    return float(np.linalg.norm(mesh.vertices_m[own] - tree.middle_m[tree.node[own]], axis=1).mean())
 
 
 def _way(mesh: TriangleMesh, tree: SurfaceTree, first: int, tip: int) -> Way:

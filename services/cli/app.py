@@ -8,6 +8,7 @@ import trocar.services.start.entry  # noqa: F401  first: the environment of a pr
 import functools
 import importlib
 import os
+import sys
 from collections.abc import Callable
 from contextlib import closing
 from enum import StrEnum
@@ -33,6 +34,8 @@ _LISTS = "overrides", "files", "topics", "names", "held"
 
 config_app = PlainTyper(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
+diagnose_app = PlainTyper(no_args_is_help=True, help="Look at a running rig from outside: loops, late ticks, frames.")
+app.add_typer(diagnose_app, name="diagnose")
 Verb = Callable[..., None]
 
 
@@ -80,6 +83,24 @@ def _verb(where: str, name: str | None = None, to: typer.Typer = app, **more: ob
             getattr(importlib.import_module(f"trocar.services.{module}"), function)(**given, **more)
 
         return cast(Verb, to.command(name)(call))
+
+    return added
+
+
+def _diagnosis(name: str) -> Callable[[Verb], Verb]:
+    """Make a signature a verb of `trocar diagnose`, which keeps its former name as a hidden one that warns."""
+    where = f"cli.diagnose.{name}:run_{name}"
+
+    def added(signature: Verb) -> Verb:
+        verb = _verb(where, name, to=diagnose_app)(signature)
+
+        @functools.wraps(signature)
+        def former(**given: Any) -> None:
+            print(f"trocar {name}: this verb is now `trocar diagnose {name}`", file=sys.stderr)
+            verb(**given)
+
+        app.command(name, hidden=True)(former)
+        return verb
 
     return added
 
@@ -147,10 +168,10 @@ def up(
     from trocar.services.supervisor.crew.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:  # first: it imports on another core than all that follows
-        from trocar.services.cli.up import Request, run_up
+        from trocar.services.cli.up import UpRequest, run_up
 
         shown = viewer and viewer.value
-        run_up(Request(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), fork_server)
+        run_up(UpRequest(rig, scene, seconds, json_file, shown, tuple(overrides or ()), scenario), fork_server)
 
 
 @_verb("cli.down:run_down")
@@ -158,7 +179,7 @@ def down(rig_name: Rig = "stub", overrides: Overrides = None, as_json: Json = Fa
     """End the rig that runs on this host, or what is left of it."""
 
 
-@_verb("cli.top:run_top")
+@_diagnosis("top")
 def top(
     rig: Rig = "stub",
     once: Annotated[bool, typer.Option("--once", help="Print once and end.")] = False,
@@ -169,7 +190,7 @@ def top(
     """Show rates, lateness, paths and topics of a running rig."""
 
 
-@_verb("cli.latency:run_latency")
+@_diagnosis("latency")
 def latency(
     files: Annotated[
         list[Path] | None, typer.Argument(help="Files written with `--save`; default: the running rig.")
@@ -189,7 +210,7 @@ def doctor(rig_name: Rig = "stub", overrides: Overrides = None, as_json: Json = 
     """Check what this host can give the rig; exit code 1 if the rig cannot run."""
 
 
-@_verb("cli.sniff:run_sniff")
+@_diagnosis("sniff")
 def sniff(
     topic: Annotated[str | None, typer.Argument(help="Topic to print; without it, the rates of all.")] = None,
     rig: Rig = "stub",
@@ -308,7 +329,8 @@ def anatomy(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A labelled volume (.seg.nrrd, NRRD, NIfTI, MetaImage, DICOM-SEG) or a surface (STL, OBJ, PLY, VTP)."
+            help="A labelled volume (.seg.nrrd, NRRD, NIfTI, MetaImage, DICOM-SEG) or a surface "
+            "(STL, OBJ, PLY, VTP, VTU, MSH, INP)."
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder to write; default: NAME-scene in this one.")] = None,
@@ -346,6 +368,16 @@ def anatomy(
 @_verb("cli.catheters:run_catheters")
 def catheters(as_json: Json = False) -> None:
     """List the catheters and guide wires that a scene can name as `product`: every value with its range and source."""
+
+
+@_verb("cli.cystic_duct:run_cystic_duct", "cystic-duct")
+def cystic_duct(
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Draw a duct by this seed; default: the usual values.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show the anatomy that a scene's `duct.cystic` draws: every range with its source, and what a seed draws."""
 
 
 @_verb("cli.attempt:run_scenarios")

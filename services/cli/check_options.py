@@ -18,6 +18,7 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.bus import endpoints, keys
 from trocar.services.runtime.config import config
+from trocar.services.runtime.config.removed_keys import REMOVED_RIG_KEYS
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.config.scene_requirements import scene_requirements
 from trocar.services.runtime.errors import ConfigError, UserError
@@ -102,7 +103,7 @@ def _refuse_unknown(overrides: Sequence[str]) -> None:
     known = sorted({*Rig.model_fields, *scene_file_type().model_fields})
     for override in overrides:
         key = re.split(r"[.=]", override)[0]
-        if key and key not in known:
+        if key and key not in known and key not in REMOVED_RIG_KEYS:
             near = did_you_mean(key, known)
             raise ConfigError(f"{key}: unknown key {key!r} of rig and scene; known: {', '.join(known)}{near}")
 

@@ -39,7 +39,7 @@ def run(app: typer.Typer) -> None:
             raise
         missing = MissingPackageError("this", error.name)
         _leave(str(missing), missing.exit_code)
-    except BrokenPipeError:  # `trocar sniff | head`
+    except BrokenPipeError:  # `trocar diagnose sniff | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.FAILURE)
     except OSError as error:

@@ -13,7 +13,7 @@ import typer
 
 from trocar.services.cli import pictures
 from trocar.services.cli.rerun import compare
-from trocar.services.cli.up import Request, run_up
+from trocar.services.cli.up import UpRequest, run_up
 from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.inputs import read_inputs
@@ -92,7 +92,7 @@ def run_replay(asked: ReplayRequest, fork_server: ForkServer) -> None:
     ends_when = _never if asked.take_over else _is_over
     with tempfile.TemporaryDirectory() as folder:
         scene = _scene_file(Path(folder), inputs.metadata, inputs.attachments)
-        request = Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=ends_when)
+        request = UpRequest(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=ends_when)
         return run_up(request, fork_server)
 
 
@@ -114,7 +114,7 @@ def _show(asked: ReplayRequest, fork_server: ForkServer) -> None:
 
         print(pictures.HELP)
         shown = pictures.shown_by(open_player)
-        request = Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=shown)
+        request = UpRequest(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when=shown)
         run_up(request, fork_server)
 
 

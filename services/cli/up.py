@@ -22,7 +22,7 @@ from trocar.services.visualization.web import build
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class UpRequest:
     """What a person asked for. What ends by itself (`ends_when`) is not switched to another scenario."""
 
     rig: str
@@ -48,7 +48,7 @@ class Request:
 class Run:
     """Follows the supervisor: shows it, measures it, ends it when the time is over or another scenario is to begin."""
 
-    def __init__(self, request: Request, display: StatusDisplay) -> None:
+    def __init__(self, request: UpRequest, display: StatusDisplay) -> None:
         self._request = request
         self._display = display
         self.report: run_report.RunReport | None = None
@@ -68,7 +68,7 @@ class Run:
         return is_over or bool(self.next_scenario) or (request.ends_when is not None and request.ends_when(supervisor))
 
 
-def run_up(request: Request, fork_server: ForkServer) -> None:
+def run_up(request: UpRequest, fork_server: ForkServer) -> None:
     """Start the rig, stay until it ends, write the report whatever ended it.
 
     Where the page asks for another scenario that is run next, with the page's address and token as they are. A scenario
@@ -87,7 +87,7 @@ def run_up(request: Request, fork_server: ForkServer) -> None:
 
 
 def _run_session(
-    request: Request, options: Options, token: str, remarks: tuple[str, ...], fork_server: ForkServer
+    request: UpRequest, options: Options, token: str, remarks: tuple[str, ...], fork_server: ForkServer
 ) -> Run:
     process = session.open_session(options)
     display = StatusDisplay()

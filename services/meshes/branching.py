@@ -34,8 +34,7 @@ def load_branching(tubes: list[Tube], edge_m: float | None, cache_dir: Path | No
     rim; a blind one has its furthest vertices.
     Raises MeshError if the tubes touch each other where they do not join, or the edge is too long for them.
     """
-    narrowest_m = min(min(tube.radius_m, tube.end_radius_m) for tube in tubes)
-    edge_m = edge_m or EDGE_OF_RADIUS * narrowest_m
+    edge_m = edge_m or EDGE_OF_RADIUS * min(tube.detail_m() for tube in tubes)
     libraries = [f"{name} {version(name)}" for name in MESH_LIBRARIES]
     code = hash_sources(Path(__file__).parent), hash_sources(Path(union_distance_m.__code__.co_filename).parent)
     told = [{key: _plain(value) for key, value in dataclasses.asdict(tube).items()} for tube in tubes]
@@ -73,6 +72,8 @@ def _open_ends(tubes: list[Tube]) -> list[_End]:
     trunk = tubes[0]
     ends = [_End("mouth", trunk.origin_m, -trunk.axes[0], trunk.radius_m)]
     for tube in tubes:
+        if name := tube.near_opening():
+            ends.append(_End(name, tube.origin_m, -tube.axes[0], tube.radius_m))
         if tube.far_end in ("held", "free"):
             middle_m, axes = tube.place(tube.length_m)
             ends.append(_End(tube.name, middle_m, axes[0], tube.end_radius_m))
@@ -125,5 +126,10 @@ def _sets(mesh: TriangleMesh, tubes: list[Tube], ends: list[_End]) -> dict[str, 
             tip_m = middle_m + tube.end_radius_m * axes[0]
             away_m = np.linalg.norm(mesh.vertices_m - tip_m, axis=1)
             sets[tube.name] = np.flatnonzero(away_m < 0.7 * tube.end_radius_m).astype(np.int32)
-    sets["clamped"] = np.concatenate([sets[tube.name] for tube in tubes if tube.far_end == "held"])
+    sets["clamped"] = np.concatenate([sets[name] for tube in tubes if tube.far_end == "held" for name in _held(tube)])
     return sets
+
+
+def _held(tube: Tube) -> list[str]:
+    """Return the names of a tube's ends that are held with its far end."""
+    return [tube.name, tube.near_opening()] if tube.near_opening() else [tube.name]

@@ -79,7 +79,7 @@ def load_duct_surface(path: Path, settings: SurfaceSettings, on_step: OnStep = _
 def _make_duct(raw: TriangleMesh, settings: SurfaceSettings, on_step: OnStep) -> DuctSurface:
     """Scaling comes last, so that places in messages are those of the file."""
     on_step("repairing")
-    repaired = repair_surface(raw, is_used=settings.edge_m is None)
+    repaired = repair_surface(raw, is_used=settings.edge_m is None, n_ends=len(settings.names))
     mesh, actions = repaired.mesh, list(repaired.actions)
     factor = 1.0 if settings.lumen_diameter_m is None else _lumen_factor(mesh, settings.lumen_diameter_m)
     if settings.edge_m is not None:

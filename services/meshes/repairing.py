@@ -30,18 +30,20 @@ class RepairedMesh:
     actions: list[str]
 
 
-def repair_surface(mesh: TriangleMesh, is_used: bool = True, may_be_closed: bool = False) -> RepairedMesh:
+def repair_surface(
+    mesh: TriangleMesh, is_used: bool = True, may_be_closed: bool = False, n_ends: int = 0
+) -> RepairedMesh:
     """Merge, drop, cut loose, orient and close pinholes until nothing is left to find.
 
     ``is_used`` says whether the triangles are used as they are; see `check_surface`. A surface without an open end is
-    refused, unless it ``may_be_closed``.
+    refused, unless it ``may_be_closed``. Of its rims the ``n_ends`` widest are ends, however narrow they are.
     Raises MeshError if a defect remains that cannot be mended without guessing; says which and where.
     """
     actions: list[str] = []
     for step in (merge_and_drop, _keep_largest_piece, _wind_consistently):
         mesh = step(mesh, actions)
     if not may_be_closed or open_rims(mesh):
-        mesh = _close_pinholes(mesh, actions)
+        mesh = _close_pinholes(mesh, actions, n_ends)
     findings = check_surface(mesh, is_used)
     if findings:
         raise MeshError("surface cannot be repaired: " + "; ".join(map(str, findings)))
@@ -111,15 +113,15 @@ def _wind_consistently(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
     return wound
 
 
-def _close_pinholes(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
-    """Close every rim much narrower than the widest with a fan round its centre."""
+def _close_pinholes(mesh: TriangleMesh, actions: list[str], n_ends: int) -> TriangleMesh:
+    """Close every rim much narrower than the widest with a fan round its centre, but the ``n_ends`` widest."""
     openings = find_openings(mesh)
     if not openings:
         raise MeshError(
             "surface has no open end, it cannot be a duct: if its vessels are capped, delete the triangles of two caps "
             "or more (in Blender, MeshLab or 3D Slicer), so that a rim is left at each end"
         )
-    holes = [o for o in openings if o.diameter_m < PINHOLE_RATIO * openings[0].diameter_m]
+    holes = [o for o in openings[n_ends:] if o.diameter_m < PINHOLE_RATIO * openings[0].diameter_m]
     for hole in holes:
         centre = mesh.n_vertices
         fan = np.stack([np.full_like(hole.rim, centre), np.roll(hole.rim, -1), hole.rim], axis=1)

@@ -75,14 +75,14 @@ def _one_sentence(scene: SceneModel) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        key = "mesh_file" if scene.duct.mesh_file else "branches"
+        key = "mesh_file" if scene.duct.mesh_file else "branches" if scene.duct.branches else "cystic"
         raise MissingPackageError(f"{scene.source}: duct.{key}", error.name) from None
     except ValueError as error:
         raise ConfigError(f"{scene.source}: {error}") from None
 
 
 def _file_mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh | None:
-    if duct.mesh_file is None and not duct.branches:
+    if duct.mesh_file is None and not duct.is_tree:
         return None
     progress("surface", 0.0)
     from trocar.services.meshes import (  # mesh libraries take a second to import and most scenes need none
@@ -95,7 +95,8 @@ def _file_mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh
         try:
             return load_branching(duct_tubes(duct), duct.mesh_edge_m, cache / "meshes")
         except MeshError as error:
-            raise ValueError(f"duct.branches: {error}") from error
+            key = "branches" if duct.branches else "cystic"
+            raise ValueError(f"duct.{key}: {error}") from error
     try:
         return load_mesh(
             Path(duct.mesh_file),

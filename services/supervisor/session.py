@@ -39,7 +39,7 @@ from trocar.services.supervisor.crew.runqueue_waits import OwnIoThreads
 from trocar.services.supervisor.frozen_configuration import ChangedFiles
 from trocar.services.supervisor.judge.governor import Level
 from trocar.services.supervisor.judge.state_machine import RigState
-from trocar.services.supervisor.page.command_socket import Control
+from trocar.services.supervisor.page.command_socket import CommandSocket
 from trocar.services.supervisor.page.page import Page
 from trocar.services.supervisor.page.page_link import PageSetup
 from trocar.services.supervisor.page.school import School
@@ -169,7 +169,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
         closing(threads),
         closing(loop_progress),
         closing(Page(sock, supervisor, page_setup, log_directory(process.rig))) as page,
-        closing(Control(supervisor)) as control,
+        closing(CommandSocket(supervisor)) as control,
         closing(School(supervisor, page_setup, log_directory(process.rig))) as school,
     ):
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
@@ -209,7 +209,7 @@ def _rings(rig: Rig) -> Path | None:
 def _watch(
     process: Process,
     supervisor: Supervisor,
-    lines: tuple[Page, Control, ChangedFiles, School],
+    lines: tuple[Page, CommandSocket, ChangedFiles, School],
     session: SessionOptions,
     meter: LoopMeter,
 ) -> bool:

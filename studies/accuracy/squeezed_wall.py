@@ -75,7 +75,7 @@ class SqueezedWall:
             at_end_n = force_n
         self._last_n = force_n.copy()
         body.correct(self._corners, self._weights, -force_n[:, None] * self.lines)
-        self.terms.settle(0.0, DT_S)
+        self.terms.settle(lambda: 0.0, DT_S)
         if self.series.g:
             self._modes.relax(body.state.q, DT_S)
         self.terms.end_step(DT_S)

@@ -24,6 +24,9 @@ LARGE_STRAIN = 0.1
 """Of the wall's middle surface, beyond which elements that are linear in strain say little."""
 DOUBTFUL_EXCESS = 0.01
 """Part by which torsion may be too stiff without a word."""
+EDGE_LAYERS = 3.0
+"""Cell at a clamped edge over the width of the layer in which a stretched wall is bent there: that decays as
+exp(-x / width), so that of a cell of three widths one end has all of it and the other a twentieth."""
 DOUBTFUL_BESIDE = 0.05
 """Of the thickness, by which forces on a rim may act beside the wall: they bend it by six times that of the stress."""
 
@@ -65,6 +68,12 @@ def find_cautions(case: FemCase, model: ShellModel, static: StaticSolution | Non
             "so only its proportion to the load means something (analysis: nonlinear follows it)"
         )
     strain = _largest_strain(model, path[-1].at) if path else 0.0
+    cell_m, layer_m = _clamped_cell_m(model), _edge_layer_m(model, strain)
+    if cell_m > EDGE_LAYERS * layer_m:
+        cautions.append(
+            f"the stretched wall bends over {1e3 * layer_m:.2g} mm where its edge is clamped, and cells there are "
+            f"{1e3 * cell_m:.2g} mm wide: results are some per cent too stiff; smaller cells at that edge are not"
+        )
     if strain > LARGE_STRAIN:
         cautions.append(f"the largest strain of the wall's middle is {strain:.2g}: rotations may be large, strains not")
     return cautions
@@ -88,3 +97,22 @@ def _largest_strain(model: ShellModel, at: Configuration) -> float:
         np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1) for x in (model.mesh.vertices_m, at.position_m)
     )
     return float(np.abs(after / before - 1.0).max())
+
+
+def _clamped_cell_m(model: ShellModel) -> float:
+    """Return the median length of the edges from clamped vertices to others, zero where there are none."""
+    held = np.zeros((model.mesh.n_vertices, 6), bool)
+    held.ravel()[model.held_dofs] = True
+    is_clamped, edges = np.asarray(held.all(axis=1)), unique_edges(model.mesh)[0]
+    leaves = edges[is_clamped[edges[:, 0]] != is_clamped[edges[:, 1]]]
+    if not len(leaves):
+        return 0.0
+    x = model.mesh.vertices_m
+    return float(np.median(np.linalg.norm(x[leaves[:, 1]] - x[leaves[:, 0]], axis=1)))
+
+
+def _edge_layer_m(model: ShellModel, strain: float) -> float:
+    """Return sqrt(D / N), D the bending stiffness, N the tension of a wall that is stretched both ways by a strain."""
+    thickness = float(np.mean(model.section.per_triangle("thickness_m", model.mesh.n_triangles)))
+    nu = float(np.mean(model.section.per_triangle("poisson_ratio", model.mesh.n_triangles)))
+    return thickness / float(np.sqrt(12.0 * (1.0 + nu) * strain)) if strain > 0.0 else np.inf

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from tests.anatomy.phantoms import forked, scan
 from tests.anatomy.volumes import write_volume
 from trocar.services.anatomy.edit_page import EditPage
 from trocar.services.anatomy.making import MadeAnatomy, Request, make_anatomy
+from trocar.services.anatomy.scene_folder import write_folder
+from trocar.services.training.scenario import load_scenario
 
 pytest.importorskip("SimpleITK", reason="the scan extra is not installed")
 pytest.importorskip("httpx", reason="the test client needs it")
@@ -90,6 +93,19 @@ def test_picks_are_saved(served: Served) -> None:
     again = served.save(mouth="cystic_duct", held=["common_duct", "duodenum"])
     assert again.status_code == 200
     assert served.saved[-1].choice.mouth == "cystic_duct"
+
+
+def test_a_goal_becomes_a_scenario_that_can_be_run(served: Served, tmp_path: Path) -> None:
+    told = served.get("/api/duct").json()
+    assert served.save(goal_mm=told["lines_mm"][0][6]).status_code == 200
+    made = served.saved[-1]
+    write_folder(made, tmp_path / "made")
+    scenario = load_scenario(tmp_path / "made" / "scenario.yaml")
+    assert made.goal is not None
+    assert (scenario.goal.branch, scenario.goal.depth_m) == (made.goal.end, made.goal.depth_m)
+    assert Path(scenario.scene) == tmp_path / "made" / "scene.yaml"
+    write_folder(replace(made, goal=None), tmp_path / "made")
+    assert not (tmp_path / "made" / "scenario.yaml").exists()
 
 
 @pytest.mark.parametrize(

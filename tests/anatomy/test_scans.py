@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from tests.anatomy.phantoms import Scan, curved, forked, s_shaped, scan, straight
-from tests.anatomy.volumes import write_slicer, write_volume
+from tests.anatomy.volumes import write_layers, write_slicer, write_volume
 from trocar.services.anatomy.making import MadeAnatomy, Request, make_anatomy
+from trocar.services.anatomy.volume import read_volume
 from trocar.services.mechanics.surface.branched_tubes import Tube
 
 pytest.importorskip("SimpleITK", reason="the scan extra is not installed")
@@ -129,6 +130,17 @@ def test_the_same_label_by_every_format_is_the_same_surface(tmp_path: Path) -> N
     surfaces = [make_anatomy(path, Request(label="1")).surface.mesh for path in paths]
     for other in surfaces[1:]:
         assert other.vertices_m == pytest.approx(surfaces[0].vertices_m, abs=1e-8)  # NIfTI has axes in single precision
+
+
+def test_segments_that_overlap_are_told_apart(tmp_path: Path) -> None:
+    known = scan(curved(), (0.8, 0.8, 0.8))
+    other = Scan(known.tubes, np.roll(known.labels, 3, axis=1), known.origin_mm, known.spacing_mm, known.directions)
+    path = write_layers([other, known], tmp_path / "duct.seg.nrrd", ["Vein", "Duct"])
+    volume = read_volume(path, "Duct", None)
+    assert volume.mask.sum() == known.labels.sum()
+    assert volume.labels == ["Vein", "Duct"]
+    assert known.surface_error_mm(volume.place_m(np.argwhere(volume.mask))).max() < 3.0
+    assert (volume.beside[volume.mask] > 0).any()
 
 
 def test_the_report_can_be_read_by_machines(tmp_path: Path, made: tuple[Scan, MadeAnatomy]) -> None:

@@ -40,6 +40,18 @@ def write_slicer(scan: Scan, path: Path, names: dict[int, str]) -> Path:
     return path
 
 
+def write_layers(layers: list[Scan], path: Path, names: list[str]) -> Path:
+    """Write a `.seg.nrrd` of segments that overlap, each in a layer of its own."""
+    import SimpleITK
+
+    image = SimpleITK.Compose([image_of(scan) for scan in layers])
+    for k, name in enumerate(names):
+        for key, said in {"ID": f"Segment_{k}", "Name": name, "LabelValue": "1", "Layer": str(k)}.items():
+            image.SetMetaData(f"Segment{k}_{key}", said)
+    SimpleITK.WriteImage(image, str(path), useCompression=True)
+    return path
+
+
 def write_dicom_seg(scan: Scan, path: Path, names: dict[int, str]) -> Path:
     """Write a DICOM segmentation, a segment for each label, over slices of an empty scan."""
     import highdicom

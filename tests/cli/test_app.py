@@ -25,7 +25,7 @@ def test_the_command_itself_imports_nothing_heavy() -> None:
 def test_every_verb_is_listed(trocar: Trocar) -> None:
     ran = trocar("--help")
     assert ran.code == 0
-    for verb in ("up", "down", "top", "doctor", "sniff", "arm", "config", "fem", "effects"):
+    for verb in ("up", "down", "diagnose", "doctor", "arm", "config", "fem", "effects"):
         assert f" {verb} " in ran.out
 
 
@@ -78,9 +78,15 @@ def test_the_level_of_the_log_is_handed_on_and_a_wrong_one_refused(
     assert log.asked_level() == logging.WARNING
 
 
+def test_a_former_verb_works_and_says_its_new_name(trocar: Trocar, tmp_path: Path) -> None:
+    ran = trocar("latency", tmp_path / "no.npz")
+    assert ran.code == trocar("diagnose", "latency", tmp_path / "no.npz").code
+    assert "this verb is now `trocar diagnose latency`" in ran.err
+
+
 def test_a_package_that_is_not_installed_is_a_sentence(trocar: Trocar, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "trocar.services.cli.sniff", raising=False)
+    monkeypatch.delitem(sys.modules, "trocar.services.cli.diagnose.sniff", raising=False)
     monkeypatch.setitem(sys.modules, "zmq", None)
-    ran = trocar("sniff")
+    ran = trocar("diagnose", "sniff")
     assert ran.code == 4
     assert ran.sentence().startswith("this needs the package 'zmq': ")

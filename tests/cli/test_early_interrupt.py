@@ -35,9 +35,9 @@ class Press:
 sys.meta_path.insert(0, Press())
 """
 _VERBS = [
-    "up --seconds 1", "down", "top --once", "latency", "doctor", "sniff", "arm", "safe-stop", "keys made",
-    "replay nothing.mcap", "repair nothing.mcap", "scenes", "tissues", "scenarios", "attempt status", "config show",
-    "config schema", "score nothing.mcap", "--help", "--version",
+    "up --seconds 1", "down", "diagnose top --once", "latency", "doctor", "diagnose sniff", "arm", "safe-stop",
+    "keys made", "replay nothing.mcap", "repair nothing.mcap", "scenes", "tissues", "scenarios", "attempt status",
+    "config show", "config schema", "score nothing.mcap", "--help", "--version",
 ]  # fmt: skip
 
 

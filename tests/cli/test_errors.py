@@ -100,21 +100,23 @@ def test_report_into_a_folder_that_is_not_there(trocar: Trocar, rig_file: Path, 
 
 
 def test_unknown_topic(trocar: Trocar, rig_file: Path) -> None:
-    ran = trocar("sniff", "gateway.stat", "--rig", rig_file)
+    ran = trocar("diagnose", "sniff", "gateway.stat", "--rig", rig_file)
     assert ran.code == 2
     assert "known: gateway.state" in ran.sentence()
 
 
-@pytest.mark.parametrize("command", [("sniff", "--seconds", "0.2"), ("top", "--once", "--seconds", "0.3"), ("arm",)])
+@pytest.mark.parametrize(
+    "command", [("diagnose", "sniff", "--seconds", "0.2"), ("diagnose", "top", "--once", "--seconds", "0.3"), ("arm",)]
+)
 def test_no_rig_is_running(trocar: Trocar, rig_file: Path, command: tuple[str, ...]) -> None:
     ran = trocar(*command, "--rig", rig_file)
     assert ran.code == 3
     assert "running" in ran.sentence()
 
 
-@pytest.mark.parametrize("command", ["up", "top", "sniff"])
+@pytest.mark.parametrize("command", ["up", "diagnose top", "diagnose sniff"])
 def test_a_time_without_an_end_is_a_usage_error(trocar: Trocar, rig_file: Path, command: str) -> None:
-    ran = trocar(command, "--rig", rig_file, "--seconds", "inf")
+    ran = trocar(*command.split(), "--rig", rig_file, "--seconds", "inf")
     assert ran.code == 2
     assert "inf is no length of time" in ran.err
 

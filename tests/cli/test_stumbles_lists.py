@@ -13,7 +13,6 @@ from trocar.services.cli import targets
 from trocar.services.messages.first_sentence import first_sentence
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.measures.flights import FILE_SUFFIX, Flights, to_bytes
 from trocar.studies.accuracy.study import study_names
 
 
@@ -61,7 +60,7 @@ def test_studies_are_listed_without_a_name(trocar: Trocar, tmp_path: Path, monke
 def test_a_misspelt_study_and_family_are_told_the_nearest(trocar: Trocar) -> None:
     assert trocar("study", "elemnt").sentence().endswith("; did you mean 'element'?")
     assert trocar("stability", "--family", "undampd").sentence().endswith("; did you mean 'undamped'?")
-    assert trocar("sniff", "gateway.stat").sentence().endswith("; did you mean 'gateway.state'?")
+    assert trocar("diagnose", "sniff", "gateway.stat").sentence().endswith("; did you mean 'gateway.state'?")
 
 
 def test_a_misspelt_verb_or_option_is_told_the_nearest(trocar: Trocar) -> None:
@@ -90,16 +89,3 @@ def test_a_report_goes_where_there_was_no_folder(
     ran = trocar(*command, "--report", tmp_path / "reports" / "page.md", "--out", tmp_path / "out")
     assert (ran.code, ran.sentence()) == (2, f"--out {tmp_path / 'out'}: is a file, not a folder")
     assert (tmp_path / "reports").is_dir()
-
-
-def test_latency_without_a_rig_says_whose_run_it_shows(trocar: Trocar, rig_file: Path) -> None:
-    folder = rig_file.parent / "flights"
-    folder.mkdir(mode=0o700)
-    kept = folder / f"late{FILE_SUFFIX}"
-    kept.write_bytes(to_bytes(Flights((), 0, "2026-11-20T10:00:00+00:00", "physics was late", ())))
-    ran = trocar("latency", "--rig", rig_file)
-    assert (ran.code, ran.err) == (0, "")
-    first = ran.out.splitlines()[0]
-    assert first == f"No rig runs as {rig_file}; this is the last that one kept, at 2026-11-20T10:00:00+00:00: {kept}"
-    (told,) = json.loads(trocar("latency", "--rig", rig_file, "--json").out)
-    assert told["file"] == str(kept)

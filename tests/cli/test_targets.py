@@ -46,7 +46,7 @@ def test_a_full_disk_loses_nothing_that_was_found(trocar: Trocar, case: Path, op
         ("haptics", "--out", "{folder}"),
         ("stability", "--report", "{folder}"),
         ("study", "element", "--out", "{folder}/study", "--report", "{folder}"),
-        ("latency", "--trace", "{folder}"),
+        ("diagnose", "latency", "--trace", "{folder}"),
         ("up", "--json", "{folder}"),
     ],
 )

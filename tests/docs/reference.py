@@ -18,6 +18,7 @@ from trocar.protocol.bodies import SupervisorState
 from trocar.services.cli.app import add_installed_verbs, app
 from trocar.services.cli.catheters import bending_stiffness_n_m2, source_of
 from trocar.services.gateway.devices.device_files import DeviceFile
+from trocar.services.mechanics.scene.cystic_duct import ALPHA_LENGTH, CAO, COURSES, RANGES
 from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.messages.first_sentence import first_sentence
 from trocar.services.runtime.config.products import load_product, product_names
@@ -73,6 +74,8 @@ def _verbs(command: Any, name: str) -> Iterator[tuple[str, Any]]:
         yield name, command
         return
     for word, inner in command.commands.items():
+        if inner.hidden:
+            continue
         yield from _verbs(inner, f"{name} {word}")
 
 
@@ -218,8 +221,8 @@ def catheters() -> str:
         "A scene names one as `catheter.product`, and a wire in it as `catheter.guide_wire.product`: what the scene",
         "does not say itself is then taken from the product. Another one is a file of `configs/catheters`, or one",
         "beside the scene (`product: mine.yaml`). `trocar catheters` lists them. Values that are neither a norm nor",
-        "measured are marked as assumptions. A wire is modelled as round and full: its modulus is the one that gives its",
-        "measured bending stiffness; it stretches more than the real one.",
+        "measured are marked as assumptions. A wire is modelled as round and full: its modulus is the one that gives",
+        "its measured bending stiffness; it stretches more than the real one.",
         "",
     ]
     for name in product_names():
@@ -234,8 +237,53 @@ def catheters() -> str:
     return "\n".join(lines)
 
 
+def cystic_duct() -> str:
+    """Return the page of the cystic duct by its anatomy."""
+    lines = [
+        "# The cystic duct",
+        "",
+        _MADE,
+        "",
+        "With `duct.cystic` a scene's duct is a cystic duct from its cut near the gallbladder, the mouth, to the",
+        "common duct, whose ends `liver` and `duodenum` are held. What the scene does not say is drawn by `seed`,",
+        "evenly within these ranges; without a seed it is the usual value. The same seed gives the same duct on every",
+        "machine, and what is said changes nothing else that is drawn. `trocar cystic-duct --seed 7` shows what a",
+        "seed draws.",
+        "",
+        "    trocar up --set duct.cystic='{seed: 7}' --set catheter.before_mouth_m=6e-3",
+        "",
+        "| key | usual | from | to | source |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, q in RANGES.items():
+        lines.append(f"| `{name}` | {q.value:g} | {q.low:g} | {q.high:g} | {q.source} |")
+    q = ALPHA_LENGTH
+    lines.append(f"| `length_m` of an alpha | {q.value:g} | {q.low:g} | {q.high:g} | {q.source} |")
+    shares = ", ".join(f"`{course}` {100 * share:g} %" for course, share in COURSES.items())
+    lines += [
+        "",
+        f"`course`: {shares}. {CAO}:",
+        "85 % run in a line, with variants S (passing round the common duct) and alpha (loops), 12 % come from the",
+        "left, 3 % are angled down; the shares of the variants are assumptions.",
+        "",
+        "- Widths are those of the lumen and change evenly from `width_m` at the mouth to `end_width_m` at the",
+        "  common duct; the surface that is meshed is half a wall (`duct.thickness_m`) outside.",
+        "- `straight` runs along +x; `s` swings by `turn_rad` to either side; `alpha` turns once round and rises",
+        "  meanwhile, so that its limbs pass each other.",
+        "- `take_off_rad` is the angle between the cystic duct and the part of the common duct towards the liver.",
+        "- `folds` are turns of one fold that winds round the half towards the gallbladder (pars spiralis, from 5",
+        "  mm behind the mouth on), the rest is smooth (pars glabra). The fold is thrown into the wall itself: it",
+        "  is meshed with the wall's elements, touches and gives as the wall does, and the duct stretches along as",
+        "  a bellows. `fold_height` is its share of the lumen's radius. By default four edges of the mesh go from one",
+        "  turn to the next.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
 PAGES: dict[str, Callable[[], str]] = {
     "catheters.md": catheters,
+    "cystic-duct.md": cystic_duct,
     "exit-codes.md": exit_codes,
     "names.md": names,
     "cli.md": commands,

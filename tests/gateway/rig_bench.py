@@ -128,6 +128,11 @@ class Bench:
         self.bus.close()
 
 
+def active_share(frames: list[Frame], which: int = 0) -> float:
+    """Return the share of ticks in which the force of an instrument is active."""
+    return float(np.mean([frame.body.instruments[which].state == "active" for frame in frames]))
+
+
 def forces(frames: list[Frame], which: int = 0) -> np.ndarray:
     return np.array([frame.body.instruments[which].applied_force_n for frame in frames])
 

@@ -74,6 +74,31 @@ def test_openings_are_named_by_width_and_measured():
     assert narrow.centre_m == pytest.approx([L, 0, 0], abs=1e-12)
 
 
+def test_ends_may_have_names_and_a_narrow_one_that_has_a_name_is_no_hole(tmp_path):
+    narrow = parametric_duct(DuctGeometry(R, L, 24, 40, taper=0.85))
+    path = save(narrow, tmp_path / "duct.stl")
+    with pytest.raises(MeshError, match="it has: end_0 at"):
+        load_duct_surface(path, SurfaceSettings("m"))
+    duct = load_duct_surface(path, SurfaceSettings("m", ("neck",), "tip", names=("neck", "tip")))
+    assert [opening.name for opening in duct.openings] == ["neck", "tip"]
+    assert set(duct.mesh.vertex_sets) == {"neck", "tip", "clamped", "mouth"}
+    with pytest.raises(MeshError, match="2 open ends need as many different names, got: neck"):
+        load_duct_surface(path, SurfaceSettings("m", ("neck",), "tip", names=("neck",)))
+
+
+def test_what_is_up_in_the_file_is_up_in_the_scene(tmp_path):
+    path = save(CONE, tmp_path / "duct.stl")
+    up = np.array([0.3, -0.8, 0.52])
+    duct = load_duct_surface(path, SurfaceSettings("m", up=tuple(up)))
+    raised = load_duct_surface(
+        save(TriangleMesh(CONE.vertices_m, CONE.triangles), tmp_path / "b.stl"), SurfaceSettings("m")
+    )
+    across = up - np.array([up[0], 0.0, 0.0])
+    z = across / np.linalg.norm(across)
+    assert duct.mesh.vertices_m[:, 2] == pytest.approx(CONE.vertices_m @ z, abs=1e-7)
+    assert raised.mesh.vertices_m[:, 0] == pytest.approx(duct.mesh.vertices_m[:, 0], abs=1e-9)
+
+
 def test_volume_with_capped_ends_is_the_cone():
     frustum = np.pi * L / 3 * R**2 * (1 + 0.7 + 0.49)
     fine = parametric_duct(DuctGeometry(R, L, 200, 20, taper=0.3))

@@ -28,10 +28,15 @@ view.takeStep(0);
 
 
 @contextmanager
-def served(folder: Path, layout: PictureLayout, picture: Picture) -> Iterator[Chromium]:
-    """Return a browser on the page that shows the picture; it ends with the block."""
+def served(folder: Path, layout: PictureLayout, picture: Picture, before: str = "") -> Iterator[Chromium]:
+    """Return a browser on the page that shows the picture; it ends with the block.
+
+    The script ``before`` runs before those of the page.
+    """
     with Show(0.2) as show, Chromium(folder / "profile", SIZE) as browser:
         show.layout, show.picture = layout, picture
+        if before:
+            browser.command("Page.addScriptToEvaluateOnNewDocument", source=before)
         rig = {
             "name": "still", "scene": "test", "viewer": "web", "view_ws": f"ws://127.0.0.1:{show.port}/ws", "hands": [],
             "contracts": {"loops": {}, "paths": {}}, "scenarios": [],

@@ -88,7 +88,7 @@ def test_a_frame_goes_from_the_publisher_to_everybody_whom_the_row_names(recipe:
 
 def test_it_is_recorded_sniffed_and_written_down(recipe: TreeCopy) -> None:
     with recipe.start("-m", "trocar.services.recorder", "--rig", "rig.yaml"), recipe.start("-c", RUN, "900", "99"):
-        sniffed = recipe.command("trocar sniff physics.temperature --rig rig.yaml --count 3 --json")
+        sniffed = recipe.command("trocar diagnose sniff physics.temperature --rig rig.yaml --count 3 --json")
         recipe.python(WAIT)
     assert json.loads(sniffed.splitlines()[0])["body"]["temperature_k"]["values"] == [311.0]
     count, tick, temperature_k = recipe.python(READ).split()

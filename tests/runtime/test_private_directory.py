@@ -33,7 +33,7 @@ def test_the_session_of_the_user_comes_first(tmp_path: Path, monkeypatch: pytest
 def test_a_place_that_each_folder_has_another_of_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, none: str
 ) -> None:
-    """As the XDG Base Directory Specification has it: `trocar top` in another folder would find no rig."""
+    """As the XDG Base Directory Specification has it: `trocar diagnose top` in another folder would find no rig."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", none)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(endpoints, "make_private", lambda path: path)

@@ -159,6 +159,16 @@ def test_a_displacement_that_is_not_small_is_a_caution(tmp_path):
     assert "of the mesh's size: displacements are taken as small" in data["cautions"][0]
 
 
+@pytest.mark.parametrize(("thickness_m", "is_doubted"), [(5e-5, True), (1e-3, False)])
+def test_cells_wider_than_the_bent_edge_of_a_stretched_foil_are_a_caution(
+    plate_file, tmp_path, thickness_m, is_doubted
+):
+    case = yaml.safe_load(plate_file.read_text()) | {"thickness_m": thickness_m, "analysis": "nonlinear"}
+    case = {key: value for key, value in case.items() if key != "modes"} | {"load_steps": 4}
+    cautions = run(write(tmp_path, case), tmp_path)["cautions"]
+    assert any("where its edge is clamped" in caution for caution in cautions) == is_doubted
+
+
 def test_torsion_that_drilling_freedoms_stiffen_is_a_caution(tmp_path):
     """Cells four times as wide as long on a wall a third as thick as its radius: 18 % (`test_thick_torsion`)."""
     mesh = {"parametric": {"radius_m": 0.004, "length_m": 0.024, "n_around": 24, "n_along": 96}}

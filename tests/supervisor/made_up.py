@@ -15,7 +15,7 @@ from trocar.services.runtime.measures.histogram import LatencyHistogram
 from trocar.services.supervisor.control.supervisor import Setup, Supervisor
 from trocar.services.supervisor.crew.processes import TABLE, ProcessSpec
 from trocar.services.supervisor.judge.governor import Level
-from trocar.services.supervisor.page.dashboard import Heard, Snapshot, snapshot
+from trocar.services.supervisor.page.dashboard import DashboardSnapshot, Heard, snapshot
 from trocar.services.supervisor.page.page_link import RigStatus
 
 MS = 1_000_000
@@ -181,7 +181,7 @@ def rig(**settings: object) -> Rig:
     return Rig.model_validate({"name": "made up", "supervisor": {"mode": "attach"}, **settings})
 
 
-def shown(bench: Bench) -> Snapshot:
+def shown(bench: Bench) -> DashboardSnapshot:
     """Return what the page would show."""
     supervisor = bench.supervisor
     return snapshot(RigStatus.of(supervisor, bench.now_s), bench.heard, supervisor.rig, "default")

@@ -205,9 +205,9 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
     assert again.returncode == 3
     assert again.stderr.count("\n") == 1
     assert "a rig is running here already: physics (process" in again.stderr
-    shown = json.loads(trocar("top", "--once", "--json", *rig).out)
+    shown = json.loads(trocar("diagnose", "top", "--once", "--json", *rig).out)
     assert {row["name"] for row in shown["processes"]} >= {"gateway", "haptics", "physics"}
-    sniffed = trocar("sniff", "gateway.state", "--count", "2", "--json", *rig)
+    sniffed = trocar("diagnose", "sniff", "gateway.state", "--count", "2", "--json", *rig)
     assert [json.loads(text)["topic"] for text in sniffed.out.splitlines()] == ["gateway.state"] * 2
     down = trocar("down", "--json", *rig)
     ended = {"gateway", "haptics", "physics", "visualization", "recorder", "training"}

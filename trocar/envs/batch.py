@@ -22,7 +22,7 @@ class Batch(VectorEnv[Any, Any, Any]):
     """Scenes that are stepped together; each does to the bit what an environment of its own would do.
 
     The scenes of a process share basis, residual compliance and mesh of their duct, and the cache of the residual; a
-    scene itself takes some 30 MB. With several jobs or a cluster, each gets a group of scenes that follow each other.
+    scene itself takes some 15 MB. With several jobs or a cluster, each gets a group of scenes that follow each other.
 
         envs = gymnasium.make_vec("trocar/Insertion-v0", 8)  # or Batch("trocar/Insertion-v0", 8, jobs=2)
 

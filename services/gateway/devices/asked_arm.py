@@ -20,7 +20,7 @@ from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.gateway.devices.driver import Arm, Place
 from trocar.services.gateway.devices.limited_force import NO_FORCE, LimitedForce
 from trocar.services.gateway.devices.measured_motion import MeasuredMotion
-from trocar.services.gateway.servo.servo_arrays import READ_ROLL, READ_TEMPERATURE
+from trocar.services.gateway.servo.servo_arrays import FLIGHTS, READ_ROLL, READ_TEMPERATURE
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime.config.rig import Vector3
 from trocar.services.runtime.errors import DeviceError
@@ -28,15 +28,16 @@ from trocar.services.runtime.errors import DeviceError
 #: Time without a believed place after which the arm is not used; and after which its velocity is not known. A program
 #: without real-time priority may stand still for some 10 ms on a busy host: meanwhile forces fade, as they are late.
 SILENT_NS, RESTING_NS = 200_000_000, 5_000_000
-#: A force that was not given as it was ordered is told to have come this late, which no books cover.
-_LATE_NS = 4_000_000
+#: A force that was given otherwise than it was ordered is told to have come this late, which no books cover.
+_LATE_NS = (FLIGHTS + 1) * 1_000_000
 #: Share of a newest tick in a mean, and mean share of ticks without an answer from which on forces come too late.
 _NEWEST, _SLOW = 0.02, 0.3
+_TICK_NS = 1_000_000
 _OPEN_S, _CLOSE_S, _TURN_S = 2.0, 0.05, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ArmAnswer:
     """What was answered; None: not told.
 
     Attributes:
@@ -55,11 +56,11 @@ class Answer:
     prompt: str = ""
 
 
-class Link(ABC):
+class ArmConnection(ABC):
     """The connection to an arm that is open."""
 
     @abstractmethod
-    def answers(self, now_ns: int) -> list[Answer]:
+    def answers(self, now_ns: int) -> list[ArmAnswer]:
         """Return what was answered since the last call. Never waits."""
 
     @abstractmethod
@@ -104,16 +105,17 @@ class AskedArm(Arm):
         self._rate_n_s = place.force_rate_n_s
         self._motion = MeasuredMotion(file.velocity_filter_hz)
         self._force = LimitedForce(place.force_rate_n_s)
-        self._link: Link | None = None
-        self._opening: BackgroundOpen[Link] | None = None
+        self._link: ArmConnection | None = None
+        self._opening: BackgroundOpen[ArmConnection] | None = None
         self._roll_rad = 0.0
         self._enabled = self._as_ordered = self._was_calibrated = False
         self._problem = self._told_prompt = ""
+        self._wrote_ns = self._between_ns = 0  # the last write, and the time from the one before to it
         self._silent_ns = self._read_ns = 0  # how long reads have told nothing that was believed, and the last read
         self._missed = 0.0  # mean share of ticks in which nothing could be asked
 
     @abstractmethod
-    def connect(self) -> Link:
+    def connect(self) -> ArmConnection:
         """Open the arm and return the connection; may take seconds.
 
         Raises DeviceError: one sentence.
@@ -168,16 +170,24 @@ class AskedArm(Arm):
         """Ask with this force, unless the last question has no answer yet."""
         link = self._link
         if link is None or self._opening is not None:
-            self._as_ordered = False
+            self._as_ordered, self.skipped = False, 0
             return
+        now_ns = self._clock.monotonic_ns()
+        self._between_ns, self._wrote_ns = now_ns - self._wrote_ns, now_ns
         x, y, z = force_n.tolist()
         asked = self._exchange(link, (x, y, z) if self._enabled and self.calibrated else NO_FORCE)
+        self.skipped = 0 if asked else self.skipped + 1
         self._missed += _NEWEST * (float(not asked) - self._missed)
 
     def write_span_ns(self, read_ns: int, written_ns: int) -> int:
-        """Return how old the place was that the newest force answers; never less than what the tick took."""
+        """Return how old the place was that the newest force answers; never less than what the tick took.
+
+        One that was not asked comes with the next, a tick later at least; the law is told how many there are in a row.
+        """
         age_ns = self._clock.monotonic_ns() - self._motion.sampled_ns
-        return max(written_ns - read_ns, min(age_ns if self._as_ordered else _LATE_NS, _LATE_NS))
+        if self.skipped:
+            age_ns += max(_TICK_NS, self._between_ns)
+        return max(written_ns - read_ns, min(age_ns if self._as_ordered or self.skipped else _LATE_NS, _LATE_NS))
 
     def gauges(self) -> dict[str, float]:
         """Return the rate of answers in Hz, how many places were not believed, and the connection's own figures."""
@@ -203,7 +213,7 @@ class AskedArm(Arm):
             link.answers(self._clock.monotonic_ns())
         link.close()
 
-    def _begin(self, link: Link) -> None:
+    def _begin(self, link: ArmConnection) -> None:
         self._link = link
         self._motion.forget()
         self._force = LimitedForce(self._rate_n_s)
@@ -212,11 +222,11 @@ class AskedArm(Arm):
         self._problem = self._told_prompt = ""
         self._silent_ns, self._read_ns = 0, self._clock.monotonic_ns()
 
-    def _open_anew(self, old: Link) -> Link:
+    def _open_anew(self, old: ArmConnection) -> ArmConnection:
         old.close()
         return self.connect()
 
-    def _take_over(self, opening: BackgroundOpen[Link], old: Link) -> Link:
+    def _take_over(self, opening: BackgroundOpen[ArmConnection], old: ArmConnection) -> ArmConnection:
         self._opening = None
         link, problem = opening.take()
         if link is None:
@@ -227,7 +237,7 @@ class AskedArm(Arm):
             link.switch_on()
         return link
 
-    def _exchange(self, link: Link, force_n: Vector3) -> bool:
+    def _exchange(self, link: ArmConnection, force_n: Vector3) -> bool:
         self._as_ordered = False
         if link.lost or link.outstanding:
             return False
@@ -236,7 +246,7 @@ class AskedArm(Arm):
         link.ask(given, now_ns)
         return True
 
-    def _hear(self, link: Link, now_ns: int) -> None:
+    def _hear(self, link: ArmConnection, now_ns: int) -> None:
         """Take the newest of what was answered."""
         answers = link.answers(now_ns)
         if not answers:
@@ -250,7 +260,7 @@ class AskedArm(Arm):
         if newest.place_m is not None and self._motion.take(newest.place_m, newest.asked_ns):
             self._silent_ns = 0
 
-    def _judge(self, link: Link) -> None:
+    def _judge(self, link: ArmConnection) -> None:
         if self._opening is not None:
             self.calibrated = False
             self.prompt = f"{self.shown} is being opened anew"
@@ -262,7 +272,7 @@ class AskedArm(Arm):
         self._was_calibrated = self._was_calibrated or self.calibrated
         self.prompt = self._told_prompt or self._find_prompt()
 
-    def _find_fault(self, link: Link, silent: bool) -> str:
+    def _find_fault(self, link: ArmConnection, silent: bool) -> str:
         if link.lost:
             return link.lost
         if silent:

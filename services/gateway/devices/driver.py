@@ -147,12 +147,15 @@ class Arm(Device):
         buttons: int. Bit mask.
         own_servo: bool. Whether the device has a thread of its own that evaluates and applies the force law; `evaluate`
             then passes the law's inputs on, and `write` is not called.
+        skipped: int. How many forces in a row, up to the newest that was written, were not sent to the device, because
+            what is between has not answered.
     """
 
     limits: ArmLimits
     calibrated: bool = True
     buttons: int = 0
     own_servo: bool = False
+    skipped: int = 0
 
     def write_span_ns(self, read_ns: int, written_ns: int) -> int:
         """Return how long the newest force has taken from reading to writing.

@@ -7,7 +7,7 @@ import math
 from ctypes import c_double
 from dataclasses import dataclass
 
-from trocar.services.gateway.dhd.library import Library, State
+from trocar.services.gateway.dhd.library import DhdLibrary, DhdState
 from trocar.services.runtime.config.rig import Vector3
 
 #: Exchanges from one look at the states to the next.
@@ -16,7 +16,7 @@ _FRAME = 9
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class DhdSample:
     """What a device told; None: nothing.
 
     Attributes:
@@ -33,10 +33,10 @@ class Sample:
     prompt: str
 
 
-class Device:
+class DhdDevice:
     """An open device, used by one thread at a time."""
 
-    def __init__(self, library: Library, handle: int) -> None:
+    def __init__(self, library: DhdLibrary, handle: int) -> None:
         self.library, self.handle = library, handle
         self.has_wrist = bool(library.c.dhdHasWrist(handle))
         self.has_gripper = bool(library.c.dhdHasGripper(handle))
@@ -64,7 +64,7 @@ class Device:
         self._motors = on
         return ""
 
-    def look(self) -> Sample:
+    def look(self) -> DhdSample:
         """Read the device."""
         c, handle = self.library.c, self.handle
         if self._turns % _LOOK_EVERY == 0:
@@ -77,22 +77,22 @@ class Device:
         x, y, z = self._numbers
         place = None if problem else (x, y, z)
         buttons = int(c.dhdGetButtonMask(handle)) & 0xFFFF
-        calibrated = None if self._states is None else self._is(State.CALIBRATED)
-        return Sample(place, self._turn(), self._opening(), buttons, calibrated, problem, prompt)
+        calibrated = None if self._states is None else self._is(DhdState.CALIBRATED)
+        return DhdSample(place, self._turn(), self._opening(), buttons, calibrated, problem, prompt)
 
-    def _is(self, state: State) -> bool:
+    def _is(self, state: DhdState) -> bool:
         return bool(self._states and self._states[state] == 1)
 
     def _judge(self) -> tuple[str, str]:
         if self._states is None:
             return f"tells no state: {self.library.error()}", ""
-        if not self._is(State.CONNECTED):
+        if not self._is(DhdState.CONNECTED):
             return "is not plugged in", ""
-        if not self._is(State.POWER):
+        if not self._is(DhdState.POWER):
             return "has no power: plug in its supply", ""
-        if self._states[State.ERROR]:
+        if self._states[DhdState.ERROR]:
             return "reports an error: switch it off and on", ""
-        if self._motors and not self._is(State.FORCE):
+        if self._motors and not self._is(DhdState.FORCE):
             return "", "bears no force: press its force button"
         return "", ""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from trocar.services.gateway.devices.host_check import HostCheck, text_of
 from trocar.services.gateway.devices.vendor_library import run_apart
-from trocar.services.gateway.dhd.library import Library
+from trocar.services.gateway.dhd.library import DhdLibrary
 from trocar.services.runtime.errors import DeviceError
 
 #: Vendor and product on USB, None for any product: Force Dimension, and the Falcon behind its FTDI chip.
@@ -64,7 +64,7 @@ def _run(*arguments: str) -> tuple[int, str]:
 def main(what: str, path: str) -> int:
     """Load the library or list its devices, print the outcome, return an exit code."""
     try:
-        library = Library(path, "here")
+        library = DhdLibrary(path, "here")
         said = f"{path} loads"
         if what == "list":
             handles = [library.c.dhdOpenID(k) for k in range(max(0, library.c.dhdGetDeviceCount()))]

@@ -39,7 +39,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 }
 
 
-class State(IntEnum):
+class DhdState(IntEnum):
     """Places in the list of states."""
 
     POWER = 0
@@ -49,7 +49,7 @@ class State(IntEnum):
     ERROR = 9
 
 
-class Library:
+class DhdLibrary:
     """A loaded DHD. The C functions are attributes of `c`, with their types.
 
     Raises DeviceError: one sentence, if it cannot be loaded or lacks a function.

@@ -7,10 +7,10 @@ import os
 import threading
 from collections import deque
 
-from trocar.services.gateway.devices.asked_arm import Answer
+from trocar.services.gateway.devices.asked_arm import ArmAnswer
 from trocar.services.gateway.devices.clock import Clock
-from trocar.services.gateway.dhd.exchange import Device, Sample
-from trocar.services.gateway.dhd.library import Library
+from trocar.services.gateway.dhd.exchange import DhdDevice, DhdSample
+from trocar.services.gateway.dhd.library import DhdLibrary
 from trocar.services.runtime.config.rig import Vector3
 from trocar.services.runtime.errors import DeviceError
 
@@ -26,19 +26,19 @@ class DeviceServer:
     """Serves one open device in a thread of its own.
 
     Attributes:
-        newest: Sample | None, and when it was taken.
+        newest: DhdSample | None, and when it was taken.
         lost: str. Empty, or why the device is not served any more.
     """
 
-    def __init__(self, library: Library, serial: int | None, gravity: bool, where: str, clock: Clock) -> None:
+    def __init__(self, library: DhdLibrary, serial: int | None, gravity: bool, where: str, clock: Clock) -> None:
         handle = library.open_device(serial, where)
-        self.device = Device(library, handle)
+        self.device = DhdDevice(library, handle)
         self.model = library.name(handle)
-        self.newest: Sample | None = None
+        self.newest: DhdSample | None = None
         self.newest_ns = 0
         self.lost = ""
         self.asked = self.answered = 0
-        self.answers: deque[tuple[int, Sample]] = deque(maxlen=8)
+        self.answers: deque[tuple[int, DhdSample]] = deque(maxlen=8)
         self._clock = clock
         self._order: tuple[int, Vector3] = (0, _NONE)
         self._grip: tuple[int, float] = (0, 0.0)
@@ -103,7 +103,7 @@ class DeviceServer:
         problem = self._push(trusted, grip_n if now_ns - grip_ns <= STALE_NS else 0.0)
         sample = self.device.look()
         if problem and not sample.problem:
-            sample = Sample(None, None, None, sample.buttons, sample.calibrated, problem, sample.prompt)
+            sample = DhdSample(None, None, None, sample.buttons, sample.calibrated, problem, sample.prompt)
         self.newest, self.newest_ns = sample, now_ns
         if self.answered < self.asked:
             self.answers.append((asked_ns, sample))
@@ -136,12 +136,12 @@ def join_server(path: str, serial: int | None, gravity: bool, part: str, where: 
         if shared is not None and part in shared.parts:
             raise DeviceError(f"{where}: another instrument has this {part}: name each by its `serial`")
         if shared is None:
-            server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+            server = DeviceServer(DhdLibrary(path, where), serial, gravity, where, clock)
             _servers[path, serial] = _Shared(server, part)
             return server
         if shared.server.lost or _has_problem(shared.server):
             shared.server.close()
-            shared.server = DeviceServer(Library(path, where), serial, gravity, where, clock)
+            shared.server = DeviceServer(DhdLibrary(path, where), serial, gravity, where, clock)
         shared.parts.add(part)
         return shared.server
 
@@ -168,7 +168,7 @@ def _has_problem(server: DeviceServer) -> bool:
     return server.newest is not None and bool(server.newest.problem)
 
 
-def as_answer(asked_ns: int, sample: Sample, roll_rad: float, shown: str, centre_m: Vector3) -> Answer:
+def as_answer(asked_ns: int, sample: DhdSample, roll_rad: float, shown: str, centre_m: Vector3) -> ArmAnswer:
     """Return a sample as an arm's answer; sentences get their subject, and places the middle as origin."""
     place = None
     if sample.place_m is not None:
@@ -176,4 +176,4 @@ def as_answer(asked_ns: int, sample: Sample, roll_rad: float, shown: str, centre
         place = (x, y, z)
     problem = f"{shown} {sample.problem}" if sample.problem else ""
     prompt = f"{shown} {sample.prompt}" if sample.prompt else ""
-    return Answer(asked_ns, place, roll_rad, sample.buttons, sample.calibrated, problem, prompt)
+    return ArmAnswer(asked_ns, place, roll_rad, sample.buttons, sample.calibrated, problem, prompt)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from trocar.services.gateway.devices import driver
-from trocar.services.gateway.devices.asked_arm import Answer, AskedArm, Link
+from trocar.services.gateway.devices.asked_arm import ArmAnswer, ArmConnection, AskedArm
 from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.gateway.devices.driver import Place
 from trocar.services.gateway.devices.grip_roll import GripRoll
@@ -21,7 +21,7 @@ _PART = "arm"
 _FAMILIES = ("omega", "sigma", "delta", "lambda", "falcon")
 
 
-class DeviceLink(Link):
+class DeviceLink(ArmConnection):
     """The arm of a device that is served."""
 
     def __init__(self, server: DeviceServer, own: DhdSettings, centre_m: Vector3, shown: str) -> None:
@@ -47,7 +47,7 @@ class DeviceLink(Link):
         """Ask for an exchange; the library's axes are those of an arm: toward the user, right, up."""
         self._server.ask(force_n, now_ns)
 
-    def answers(self, now_ns: int) -> list[Answer]:
+    def answers(self, now_ns: int) -> list[ArmAnswer]:
         """Return what exchanges have told."""
         found = []
         while self._server.answers:
@@ -72,7 +72,7 @@ class Driver(AskedArm):
         self._file = file = driver.read_device_file(ArmFile, settings, place)
         super().__init__(file, place, "the arm" if own.serial is None else f"the arm {own.serial}")
 
-    def connect(self) -> Link:
+    def connect(self) -> ArmConnection:
         """Open the device, unless its gripper has it open."""
         own = self._own
         server = join_server(own.library, own.serial, own.gravity_compensation, _PART, self.where, self._clock)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from trocar.services.gateway.devices import driver
-from trocar.services.gateway.devices.asked_arm import AskedArm, Link
+from trocar.services.gateway.devices.asked_arm import ArmConnection, AskedArm
 from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.gateway.devices.driver import Place
 from trocar.services.gateway.devices.host_check import HostCheck
@@ -59,7 +59,7 @@ class Driver(AskedArm):
             own.force_gate,
         )
 
-    def connect(self) -> Link:
+    def connect(self) -> ArmConnection:
         """Begin a session with the service."""
         return open_arm(self._wanted, self.where, self.shown, self._clock)
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from trocar.services.gateway.devices.asked_arm import Answer, Link
+from trocar.services.gateway.devices.asked_arm import ArmAnswer, ArmConnection
 from trocar.services.gateway.haply.channel import Channel
 from trocar.services.gateway.haply.grip import Grip
-from trocar.services.gateway.haply.messages import ArmEntry, Filters, Gravity, Told, force_message, understand
+from trocar.services.gateway.haply.messages import ArmEntry, Filters, GravitySetting, Told, force_message, understand
 from trocar.services.runtime.config.rig import Vector3
 
 #: Answers of a tick that are looked at.
 _MOST = 8
 
 
-class ArmLink(Link):
+class ArmLink(ArmConnection):
     """Exchanges with an arm that was found and set.
 
     Args:
@@ -39,7 +39,7 @@ class ArmLink(Link):
         grip: tuple[str, Grip] | None,
         centre_m: Vector3,
         shown: str,
-        in_force: tuple[Gravity, Filters],
+        in_force: tuple[GravitySetting, Filters],
     ) -> None:
         self._channel, self._key, self._identity, self._grip = channel, key, identity, grip
         self._centre_m, self._shown = centre_m, shown
@@ -75,7 +75,7 @@ class ArmLink(Link):
         self._asked.append(now_ns)
         self._channel.send(force_message(self._key, self._identity, (right, -toward, up)))
 
-    def answers(self, now_ns: int) -> list[Answer]:
+    def answers(self, now_ns: int) -> list[ArmAnswer]:
         """Return what the newest messages tell of the arm."""
         asked = []
         for message in self._channel.receive():
@@ -92,18 +92,18 @@ class ArmLink(Link):
             self.on_close()
         self.on_close = None
 
-    def _answer(self, asked_ns: int, told: Told | None) -> Answer:
+    def _answer(self, asked_ns: int, told: Told | None) -> ArmAnswer:
         if told is None:
             self._strange += 1
-            return Answer(asked_ns, problem="Haply's service answers in another format")
+            return ArmAnswer(asked_ns, problem="Haply's service answers in another format")
         arm = told.arm(self._identity)
         if arm is None:
-            return Answer(asked_ns, problem=f"{self._shown} is not plugged in: Haply's service does not list it")
+            return ArmAnswer(asked_ns, problem=f"{self._shown} is not plugged in: Haply's service does not list it")
         prompt = self._hold_grip(told, asked_ns)
         roll, buttons = (None, 0) if self._grip is None else (self._grip[1].roll_rad, self._grip[1].buttons)
         problem = _find_problem(arm, self._shown)
         place = None if problem else self._place(arm)
-        return Answer(asked_ns, place, roll, buttons, arm.status.calibrated, problem, prompt)
+        return ArmAnswer(asked_ns, place, roll, buttons, arm.status.calibrated, problem, prompt)
 
     def _hold_grip(self, told: Told, asked_ns: int) -> str:
         if self._grip is None:

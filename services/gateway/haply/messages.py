@@ -46,7 +46,7 @@ class Buttons(msgspec.Struct, frozen=True):
     c: bool = False
 
 
-class ArmState(msgspec.Struct, frozen=True):
+class HaplyArmState(msgspec.Struct, frozen=True):
     """Where an arm is."""
 
     cursor_position: Xyz | None = None
@@ -81,7 +81,7 @@ class Basis(msgspec.Struct, frozen=True):
     permutation: str = "XYZ"
 
 
-class Gravity(msgspec.Struct, frozen=True):
+class GravitySetting(msgspec.Struct, frozen=True):
     """Compensation of the arm's own weight."""
 
     enabled: bool = False
@@ -113,7 +113,7 @@ class Config(msgspec.Struct, frozen=True):
     type: str = ""
     basis: Basis = Basis()
     mount: Transform = Transform()
-    gravity_compensation: Gravity = Gravity()
+    gravity_compensation: GravitySetting = GravitySetting()
     filters: Filters = Filters()
 
 
@@ -122,7 +122,7 @@ class ArmEntry(msgspec.Struct, frozen=True):
 
     device_id: str = ""
     config: Config | None = None
-    state: ArmState = ArmState()
+    state: HaplyArmState = HaplyArmState()
     status: ArmStatus = ArmStatus()
 
 

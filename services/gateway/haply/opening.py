@@ -19,7 +19,7 @@ from trocar.services.gateway.haply.messages import (
     ArmEntry,
     Basis,
     Config,
-    Gravity,
+    GravitySetting,
     Told,
     settings_message,
     understand,
@@ -194,7 +194,7 @@ def _await_message(channel: Channel, where: str, clock: Clock) -> Told:
 
 def _differs(config: Config, wanted: Wanted) -> str:
     """Return in what an arm is set otherwise than it was told to be, or nothing."""
-    gravity = Gravity(wanted.gravity > 0.0, wanted.gravity)
+    gravity = GravitySetting(wanted.gravity > 0.0, wanted.gravity)
     told = config.gravity_compensation
     borne = told.scaling_factor if told.enabled else 0.0
     if config.basis.permutation != Basis().permutation:

@@ -10,7 +10,7 @@ from pathlib import Path
 from trocar.services.gateway.devices.host_check import HostCheck, text_of
 from trocar.services.gateway.devices.vendor_library import run_apart
 from trocar.services.gateway.hdapi.constants import Parameter
-from trocar.services.gateway.hdapi.library import Library
+from trocar.services.gateway.hdapi.library import HdapiLibrary
 from trocar.services.runtime.errors import DeviceError
 
 #: Vendor and product of USB arms; sources disagree on one that has them the other way round. None: any product.
@@ -120,7 +120,7 @@ def _run(*arguments: str) -> tuple[int, str]:
 def main(what: str, path: str, name: str | None = None) -> int:
     """Load the library or open an arm, print the outcome, return an exit code."""
     try:
-        library = Library(path, "here")
+        library = HdapiLibrary(path, "here")
         said = f"{path} loads"
         if what == "open":
             handle = library.open_device(name, "here")

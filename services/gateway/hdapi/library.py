@@ -44,7 +44,7 @@ class ErrorInfo(ctypes.Structure):
     _fields_ = (("code", c_uint), ("internal", c_int), ("handle", c_uint))
 
 
-class Library:
+class HdapiLibrary:
     """A loaded HDAPI. The C functions are attributes of `c`, with their types.
 
     Raises DeviceError: one sentence, if it cannot be loaded or lacks a function.

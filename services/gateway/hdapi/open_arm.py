@@ -13,7 +13,7 @@ from trocar.services.gateway.hdapi import cells
 from trocar.services.gateway.hdapi.cells import ArmCell, Functions, Port
 from trocar.services.gateway.hdapi.constants import STYLES, Parameter, Style
 from trocar.services.gateway.hdapi.handover import Box
-from trocar.services.gateway.hdapi.library import Library
+from trocar.services.gateway.hdapi.library import HdapiLibrary
 from trocar.services.gateway.servo.pose import pack_mount
 from trocar.services.gateway.servo.velocity_filter import butterworth
 from trocar.services.runtime.config.rig import Mount, Vector3
@@ -56,7 +56,7 @@ class OpenArm:
     has_roll: bool
 
 
-def open_arm(library: Library, name: str | None, terms: Terms, where: str) -> OpenArm:
+def open_arm(library: HdapiLibrary, name: str | None, terms: Terms, where: str) -> OpenArm:
     """Open the device named `name` in the vendor's set-up, motors off. The scheduler must be stopped.
 
     Raises DeviceError: one sentence, if it is missing.
@@ -100,7 +100,7 @@ def _cell(terms: Terms, **of_the_device: int) -> ArmCell:
     )
 
 
-def find_functions(library: Library, clock: Clock) -> Functions:
+def find_functions(library: HdapiLibrary, clock: Clock) -> Functions:
     """Return the functions called by the callback, of the library and of a clock."""
     return Functions(
         make_current=library.address("hdMakeCurrentDevice"),

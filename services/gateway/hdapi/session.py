@@ -19,7 +19,7 @@ from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.hdapi.cells import ArmCell, Functions, ServoCell
 from trocar.services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
 from trocar.services.gateway.hdapi.error_stack import unreachable
-from trocar.services.gateway.hdapi.library import Library
+from trocar.services.gateway.hdapi.library import HdapiLibrary
 from trocar.services.gateway.hdapi.open_arm import OpenArm, Terms, find_functions, open_arm
 from trocar.services.gateway.hdapi.reopening import Reopening
 from trocar.services.gateway.hdapi.servo_callback import callback, claim_cell
@@ -33,7 +33,7 @@ _UNDER_WAY_NS = 100_000_000
 class Session:
     """The devices of one library; not thread-safe."""
 
-    def __init__(self, library: Library, clock: Clock) -> None:
+    def __init__(self, library: HdapiLibrary, clock: Clock) -> None:
         self._library, self._clock = library, clock
         self._functions = find_functions(library, clock)
         self._arms: dict[str | None, OpenArm] = {}
@@ -194,7 +194,7 @@ def find_session(path: str, clock: Clock, where: str) -> Session:
     Raises DeviceError: one sentence, if it cannot be loaded.
     """
     if path not in _sessions:
-        _sessions[path] = Session(Library(path, where), clock)
+        _sessions[path] = Session(HdapiLibrary(path, where), clock)
     return _sessions[path]
 
 

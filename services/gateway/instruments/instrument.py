@@ -15,7 +15,7 @@ from trocar.services.gateway.drivers import load_arm, load_grasp
 from trocar.services.gateway.instruments.servo import Servo, ServoLimits
 from trocar.services.gateway.motions.scene_hands import SceneHand, fitted
 from trocar.services.gateway.servo import pose, servo_arrays
-from trocar.services.gateway.servo.engagement import State
+from trocar.services.gateway.servo.engagement import EngagementState
 from trocar.services.runtime.config.rig import GatewaySettings, InstrumentSettings
 
 #: After so long without force because the tool pulls at something, a person would move, and the tool touches nothing
@@ -95,7 +95,7 @@ class Instrument:
             arm.write(self._arm_force)
             wrote_ns = time.monotonic_ns()
             span_ns = arm.write_span_ns(self._read_ns, wrote_ns)
-            servo.arm_span.note(1e-9 * span_ns, 1e-9 * (wrote_ns - self._wrote_ns))
+            servo.arm_span.note(1e-9 * span_ns, 1e-9 * (wrote_ns - self._wrote_ns), arm.skipped)
             self._wrote_ns = wrote_ns
 
     @property
@@ -151,7 +151,7 @@ class Instrument:
         self.arm.close()
         if self.grasp is not None:
             self.grasp.close()
-        self.servo.engagement.state = State.OFF
+        self.servo.engagement.state = EngagementState.OFF
 
     @property
     def fault(self) -> str:

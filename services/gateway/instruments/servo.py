@@ -15,7 +15,7 @@ import numpy as np
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
 from trocar.services.gateway.devices.driver import NO_HANDLE, HandleLimits
 from trocar.services.gateway.servo import servo_arrays, servo_law
-from trocar.services.gateway.servo.engagement import Engagement, State
+from trocar.services.gateway.servo.engagement import Engagement, EngagementState
 from trocar.services.gateway.servo.write_span import WriteSpan
 from trocar.services.mechanics.arrays import FloatArray
 
@@ -177,6 +177,7 @@ class Servo:
         span = self.arm_span
         now[servo_arrays.NOW_LAST_LATE_S] = self.limits.delay_s + span.newest_s
         now[servo_arrays.NOW_LATE_S] = self.limits.delay_s + span.longest_s
+        now[servo_arrays.NOW_SKIPPED] = span.skipped
         law(self._model, motion, self._limits, now, self._memory)
         return begins
 
@@ -198,6 +199,7 @@ class Servo:
         span = self.handle_span
         now[servo_arrays.NOW_LAST_LATE_S] = self.limits.handle.delay_s + span.newest_s
         now[servo_arrays.NOW_LATE_S] = self.limits.handle.delay_s + span.longest_s
+        now[servo_arrays.NOW_SKIPPED] = span.skipped
         servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
 
     def reset_clock(self) -> None:
@@ -215,7 +217,7 @@ class Servo:
         if not math.isfinite(speed + x + y + z):
             self.engagement.fail("the device's pose is not a finite number")
             motion[:] = 0.0
-        elif speed > self.limits.velocity_m_s and self.engagement.state is not State.OFF:
+        elif speed > self.limits.velocity_m_s and self.engagement.state is not EngagementState.OFF:
             self.engagement.fail(f"{speed:.2f} m/s is faster than the device's {self.limits.velocity_m_s:.2f} m/s")
         self._overruns = self._overruns + 1 if dt_s > OVERRUN_S else 0
         if self._overruns >= OVERRUNS:

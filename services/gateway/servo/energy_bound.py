@@ -16,6 +16,11 @@ too: with :math:`\sigma_j`, the longest share of the tick for which the force j 
 is returned: the worst delay, at the speed of this or of the last tick. `FLIGHTS` forces may be under way; beyond, what
 a hand is given is not known, and the law lets go.
 
+Where a device answers through another program, a force is not sent while that has not answered the one before. A force
+that was not sent has not come, for the whole tick, and comes with the next that is sent, which replaces it; nor is the
+one that was not answered known to have come. So while r forces in a row are not sent, :math:`\sigma = 1` for the last
+r + 1, and afterwards no r of them is earlier than the newest.
+
 Friction that no motion has been charged for yet pays debts: where nothing was returned, it has taken F s of the hand.
 An arm that surely has none could never begin to push, as no hand puts energy into no force: so `ADVANCE_J` is available
 at first, once.
@@ -58,6 +63,7 @@ from trocar.services.gateway.servo.servo_arrays import (
     MEMORY_POSITION,
     MEMORY_RESERVED,
     MEMORY_RETURNED,
+    MEMORY_SKIPPED,
     MEMORY_SUDDEN,
     MEMORY_UNKNOWN,
     MEMORY_WAY,
@@ -66,6 +72,7 @@ from trocar.services.gateway.servo.servo_arrays import (
     NOW_LATE_S,
     NOW_OTHERS,
     NOW_RESERVED,
+    NOW_SKIPPED,
     OWN_COUNT,
     OWN_FRICTION,
     OWN_SUDDEN,
@@ -102,7 +109,7 @@ def book_work(place: Vector, own: FloatArray, now: FloatArray, memory: FloatArra
     """
     way, apart = subtract(place, _at(memory, MEMORY_POSITION)), subtract(place, _at(memory, MEMORY_ANCHOR))
     force, friction = _at(memory, MEMORY_FORCE), own[OWN_FRICTION]
-    late = _late_work(force, way, now[NOW_LAST_LATE_S], _tick_s(now), memory)
+    late = _late_work(force, way, now, memory)
     work = dot(force, way) + late
     memory[MEMORY_RETURNED] = 1.0 if work > 0.0 else 0.0
     by_steps = min(memory[MEMORY_BY_STEPS] - _given(work, way, friction), MAX_STORED_J)
@@ -176,10 +183,11 @@ def _set_energy(energy: float, memory: FloatArray) -> None:
 
 
 @kernel
-def _late_work(force: Vector, way: Vector, delay: float, tick_s: float, memory: FloatArray) -> float:
+def _late_work(force: Vector, way: Vector, now: FloatArray, memory: FloatArray) -> float:
     """Return what forces that were under way may have given beyond the held one, J, and put that one under way."""
-    work, before, replaced = 0.0, _at(memory, MEMORY_WAY), force
-    memory[MEMORY_FLIGHTS + FLIGHT_LEFT] = delay
+    work, before, replaced, tick_s = 0.0, _at(memory, MEMORY_WAY), force, _tick_s(now)
+    memory[MEMORY_FLIGHTS + FLIGHT_LEFT] = now[NOW_LAST_LATE_S]
+    _delay_skipped(now, memory)
     for k in range(FLIGHTS):
         first = MEMORY_FLIGHTS + FLIGHT_SIZE * k
         older, left = _at(memory, first), memory[first + FLIGHT_LEFT]
@@ -188,11 +196,23 @@ def _late_work(force: Vector, way: Vector, delay: float, tick_s: float, memory: 
         memory[first + FLIGHT_LEFT] = max(0.0, left - tick_s)
         replaced = older
     last = MEMORY_FLIGHTS + FLIGHT_SIZE * (FLIGHTS - 1)
-    memory[MEMORY_UNKNOWN] = 1.0 if memory[last + FLIGHT_LEFT] > 0.0 else 0.0
+    is_late = memory[last + FLIGHT_LEFT] > 0.0 or now[NOW_SKIPPED] > FLIGHTS - 1
+    memory[MEMORY_UNKNOWN] = 1.0 if is_late else 0.0
     for place in range(last - 1, MEMORY_FLIGHTS - 1, -1):
         memory[place + FLIGHT_SIZE] = memory[place]
     _put(force, memory, MEMORY_FLIGHTS)
     return work
+
+
+@kernel
+def _delay_skipped(now: FloatArray, memory: FloatArray) -> None:
+    """Delay forces that were not sent, and the one before them that was not answered; see the module."""
+    skipped = int(now[NOW_SKIPPED])
+    least_s = _tick_s(now) if skipped else now[NOW_LAST_LATE_S]
+    for k in range(1, min(FLIGHTS - 1, skipped or int(memory[MEMORY_SKIPPED])) + 1):
+        left = MEMORY_FLIGHTS + FLIGHT_SIZE * k + FLIGHT_LEFT
+        memory[left] = max(memory[left], least_s)
+    memory[MEMORY_SKIPPED] = now[NOW_SKIPPED]
 
 
 @kernel

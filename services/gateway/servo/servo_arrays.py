@@ -25,22 +25,24 @@ LIMIT_SIZE = LIMIT_HANDLE + OWN_SIZE
 
 # The present tick: time since the last, age of the model and of its end, engagement of arm and handle, temperature; of
 # the hands of all others the energy that they have put in, and what they may get back in this tick; the longest time
-# from a motion to the force that answers it, s, for the last force and for this one.
+# from a motion to the force that answers it, s, for the last force and for this one; and how many forces in a row, up
+# to the last, were not sent, as the one before them had not been answered.
 (
     NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_OTHERS, NOW_RESERVED, NOW_LAST_LATE_S,
-    NOW_LATE_S, NOW_SIZE,
-) = range(11)  # fmt: skip
+    NOW_LATE_S, NOW_SKIPPED, NOW_SIZE,
+) = range(12)  # fmt: skip
 
-# Forces that may not have reached the motors yet: of each the one before it, and for how long that may still act.
-FLIGHTS, FLIGHT_SIZE, FLIGHT_LEFT = 3, 4, 3
+# Forces that may not have reached the motors yet: of each the one before it, and for how long that may still act. As
+# many as there are ticks until a force model itself is too old to be held (`servo_law.HOLD_S`).
+FLIGHTS, FLIGHT_SIZE, FLIGHT_LEFT = 5, 4, 3
 
 # State of the servo between ticks: first the books of the arm, which `energy_bound` defines, then what is the law's
 # own. At MEMORY_TORQUE begin the books of the handle, with the same places: a torque is a force on one axis.
 MEMORY_FORCE, MEMORY_POSITION, MEMORY_WAY, MEMORY_ANCHOR, MEMORY_FLIGHTS = 0, 3, 6, 9, 12
 (
     MEMORY_ENERGY, MEMORY_BY_STEPS, MEMORY_AT_ANCHOR, MEMORY_RESERVED, MEMORY_RETURNED, MEMORY_SUDDEN, MEMORY_UNKNOWN,
-    BOOKS_SIZE,
-) = range(MEMORY_FLIGHTS + FLIGHTS * FLIGHT_SIZE, MEMORY_FLIGHTS + FLIGHTS * FLIGHT_SIZE + 8)  # fmt: skip
+    MEMORY_SKIPPED, BOOKS_SIZE,
+) = range(MEMORY_FLIGHTS + FLIGHTS * FLIGHT_SIZE, MEMORY_FLIGHTS + FLIGHTS * FLIGHT_SIZE + 9)  # fmt: skip
 (
     MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE, MEMORY_STIFFNESS, MEMORY_TORQUE,
 ) = range(BOOKS_SIZE, BOOKS_SIZE + 6)  # fmt: skip

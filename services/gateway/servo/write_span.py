@@ -12,12 +12,14 @@ class WriteSpan:
     Attributes:
         newest_s: float. Of the newest force.
         longest_s: float. Of the longest of late, never shorter than the newest: what the next may take.
+        skipped: int. How many forces in a row, up to the newest, were not sent.
     """
 
     def __init__(self) -> None:
         self.newest_s = self.longest_s = 0.0
+        self.skipped = 0
 
-    def note(self, span_s: float, dt_s: float) -> None:
+    def note(self, span_s: float, dt_s: float, skipped: int = 0) -> None:
         """Note a force that took `span_s`, `dt_s` after the last."""
-        self.newest_s = span_s
+        self.newest_s, self.skipped = span_s, skipped
         self.longest_s = max(span_s, self.longest_s - FORGOTTEN * dt_s)

@@ -32,7 +32,7 @@ SHARE = 0.06
 _READ = 64 * can_frame.SIZE
 
 
-class Axis:
+class DriveAxis:
     """One drive with its bus, and the hand on its handle."""
 
     def __init__(self, order: Add, bus: socket.socket, angle_rad: array.array[float]) -> None:
@@ -90,7 +90,7 @@ class Drives:
     def __init__(self, gateway: socket.socket) -> None:
         self._gateway = gateway
         gateway.setblocking(False)
-        self._axes: dict[int, Axis] = {}
+        self._axes: dict[int, DriveAxis] = {}
 
     def tick(self, now_s: float) -> None:
         """Advance every drive."""
@@ -116,7 +116,7 @@ class Drives:
         match order:
             case Add():
                 bus, motion = descriptors
-                self._axes[order.node] = Axis(order, socket.socket(fileno=bus), _read_angles(motion))
+                self._axes[order.node] = DriveAxis(order, socket.socket(fileno=bus), _read_angles(motion))
             case GoOn():
                 self._axes[order.node].goes_on = True
             case BeginAgain():

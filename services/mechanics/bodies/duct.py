@@ -44,6 +44,8 @@ class DuctBody:
         constant_modal_force: (r,) float64
         held_force: (r,) float64. Part of ``modal_force`` that is the same over all of the step, from its start on; see
             `hold`.
+        free_end_parts: (4, r) float64. The coordinates at the end of a step are these times coordinates, rates and
+            accelerations at its start, and times the force in it, in sum.
         removed_half_impulse: (r,) float64. Rates that `remove_half_impulse` has subtracted at the start of this step.
         terms: the wall's terms beyond the linear modes, see `wall_terms`; None where nobody has brought any.
         viscous: ViscousModes or None. What lags of the linear modes, of a wall that relaxes.
@@ -61,6 +63,7 @@ class DuctBody:
         self.modal_force, self.constant_modal_force = free.force, free.constant
         self.removed_half_impulse, self.taken = free.removed_half_impulse, free.taken
         self.held_force, self._held_gains = free.held, np.zeros((3, n_modes))
+        self.free_end_parts = np.zeros((4, n_modes))
         self._free, self.motion_address = free, free.address
         loads = DuctLoads.zeros(
             r=n_modes,
@@ -341,6 +344,10 @@ class DuctBody:
         held = ModalState(np.zeros(n_modes), np.zeros(n_modes), np.ones(n_modes))
         self.integrator.predict(held, np.ones(n_modes), dt_s)
         self._held_gains[:] = held.q, held.qdot, held.qddot
+        for part, unit in enumerate(np.eye(4)):
+            begun = ModalState(*(np.full(n_modes, each) for each in unit[:3]))
+            self.integrator.predict(begun, np.full(n_modes, unit[3]), dt_s)
+            self.free_end_parts[part] = begun.q
         self._gains_dt_s = dt_s
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Literal
+
 import numpy as np
 
-from trocar.services.mechanics.arrays import AnyArray
+from trocar.services.mechanics.arrays import AnyArray, FloatArray
 from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, loads_at
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
-from trocar.services.mechanics.reduction.modal_state import ModalState
 from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN
 from trocar.services.mechanics.reduction.softened_wall.pattern_change import change_pattern
@@ -22,8 +27,10 @@ from trocar.services.mechanics.reduction.wall_step.implicit_step import (
     WallStep,
     acting_share,
     held_force,
+    pushes,
     relax_wall,
     replace_terms,
+    wall_at,
     wall_energy,
 )
 from trocar.services.mechanics.reduction.wall_step.lagging_energy import conjugate_energy
@@ -44,7 +51,6 @@ class WallTerms:
     Attributes:
         samples, polynomial, softened: what the terms are made of, None where there is none; taken on before the first
             step.
-        to_fade: dict. Part of a term that is to fade out: of the sampled membrane, and of the pattern.
         is_kept: bool. Whether an effect tells `state_arrays` already.
         lost_j: float. Energy that steps have lost so far, and changes of terms.
     """
@@ -55,11 +61,11 @@ class WallTerms:
         self.polynomial: CubicForce | None = None
         self.softened: SoftenedWall | None = None
         self._step: WallStep | None = None
-        self._ahead = ModalState.at_rest(n_modes)
-        self._force, self._held, self._held_lagging = np.zeros((3, n_modes))
+        self._held, self._held_lagging = np.zeros((2, n_modes))
+        self._scratch, self._acts = np.zeros((2, n_modes)), False
         self._no_lag, self._stiffness = np.zeros((0, n_modes)), duct.reduced.basis.omega_rad_s**2
         self._dt_s, self._stage, self._decay = 0.0, _END, (0.0, np.zeros(0))
-        self.to_fade = {"membrane": 0.0, "pattern": 0.0}
+        self._to_fade, self._is_fading = {"membrane": 0.0, "pattern": 0.0}, False
         self.is_kept, self.lost_j = False, 0.0
 
     @property
@@ -81,45 +87,45 @@ class WallTerms:
 
     def hold(self, dt_s: float) -> None:
         """Hold the mean force of the step that begins: call it when all other loads on the modes are there."""
-        duct, ahead, step = self._duct, self._ahead, self.step
+        duct, step = self._duct, self.step
         if dt_s != self._dt_s:
             step.take_gain(duct.held_gain)
             self._dt_s = dt_s
-        if not self._enters(_HOLD) or (step.rests and not self._held.any()):
-            return
-        duct.hold(self._held_lagging, step.lagging)
-        ahead.q[:], ahead.qdot[:] = duct.state.q, duct.state.qdot
-        np.subtract(duct.state.qddot, self._held, out=ahead.qddot)
-        duct.integrator.predict(ahead, duct.modal_force, dt_s)
-        ahead.q += duct.position_gain * duct.contact_impulse
-        held_force(step.address, duct.state.q, ahead.q, self._force)
-        duct.hold(self._held, self._force)
+        if self._enters(_HOLD):
+            self._acts = hold_terms(
+                step.address, duct.loads_address, duct.free_end_parts, (self._held_lagging, self._held), self._scratch
+            )
 
-    def settle(self, clearance_m: float, dt_s: float) -> None:
+    def settle(self, clearance_m: Callable[[], float], dt_s: float) -> None:
         """Correct a step in which contacts changed, see `settle_step`, and let terms fade."""
         if self._enters(_SETTLE):
             step = self.step
-            self.lost_j += 0.0 if step.rests else settle_step(step, self._held, self._duct, clearance_m)
-            self.lost_j += self._fade(dt_s)
+            self.lost_j += settle_step(step, self._held, self._duct, clearance_m) if self._acts else 0.0
+            self.lost_j += self._fade(dt_s) if self._is_fading else 0.0
 
     def end_step(self, dt_s: float) -> None:
         """Let the terms relax, if the wall does, and the pattern follow the contact forces."""
         if self._enters(_END):
             duct, step = self._duct, self.step
-            if duct.viscous is not None and not (step.rests and not step.lag.any()):
+            if duct.viscous is not None and (self._acts or step.lag.any()):
                 if dt_s != self._decay[0]:
                     self._decay = dt_s, np.exp(-dt_s / np.array(duct.viscous.series.tau_s))
                 relax_wall(step.address, duct.q_start, duct.state.q, self._decay[1])
             self.lost_j += self._follow_contacts(dt_s)
 
+    def fade(self, term: Literal["membrane", "pattern"], part: float) -> None:
+        """Begin to fade a term until this part of it is gone."""
+        self._to_fade[term], self._is_fading = part, True
+
     def _fade(self, dt_s: float) -> float:
         """Fade terms out or in; return the energy lost. A pattern that is gone is out of date when it comes back."""
         step, most, has_changed = self.step, dt_s / FADE_S, False
         for name, term in (("membrane", step.membrane), ("pattern", step.pattern)):
-            faded, to = term.faded, self.to_fade[name]
+            faded, to = term.faded, self._to_fade[name]
             if faded[0] != to:
                 faded[0] += min(max(to - faded[0], -most), most)
                 has_changed = True
+        self._is_fading = has_changed
         if not has_changed:
             return 0.0
         if step.pattern.faded[0] == 1.0:
@@ -178,3 +184,38 @@ def terms_of(duct: DuctBody) -> WallTerms:
         duct.terms = WallTerms(duct)
     terms: WallTerms = duct.terms
     return terms
+
+
+@kernel
+def hold_terms(
+    address: Address[WallStep],
+    loads_address: Address[DuctLoads],
+    free_end_parts: FloatArray,
+    held: tuple[FloatArray, FloatArray],
+    scratch: FloatArray,
+) -> bool:
+    """Hold the force of what lags and the mean force of the terms; False where the wall has none.
+
+    ``held`` are those of the last step, which are overwritten; see `DuctBody.hold` and `DuctBody.free_end_parts`.
+    """
+    wall, loads, of_lag, of_terms = wall_at(address), loads_at(loads_address), held[0], held[1]
+    duct, end, force = loads.free, scratch[0], scratch[1]
+    if not pushes(wall, of_terms):
+        return False
+    for mode in range(end.shape[0]):
+        change = wall.lagging[mode] - of_lag[mode]
+        duct.qddot[mode] += change
+        duct.held[mode] += change
+        of_lag[mode] = wall.lagging[mode]
+        duct.force[mode] += of_lag[mode]
+        begun = free_end_parts[0, mode] * duct.q[mode] + free_end_parts[1, mode] * duct.qdot[mode]
+        begun += free_end_parts[2, mode] * (duct.qddot[mode] - of_terms[mode])
+        end[mode] = begun + free_end_parts[3, mode] * duct.force[mode] + loads.gains[0, mode] * loads.impulse[mode]
+    held_force(address, duct.q, end, force)
+    for mode in range(end.shape[0]):
+        change = force[mode] - of_terms[mode]
+        duct.qddot[mode] += change
+        duct.held[mode] += change
+        duct.force[mode] += force[mode]
+        of_terms[mode] = force[mode]
+    return True

@@ -63,11 +63,11 @@ class Hyperelasticity(WallTerm):
 
     def rest(self) -> None:
         """Begin to fade the stiffening out."""
-        self._terms.to_fade["membrane"] = 1.0
+        self._terms.fade("membrane", 1.0)
 
     def wake(self) -> None:
         """Begin to fade the stiffening in."""
-        self._terms.to_fade["membrane"] = 0.0
+        self._terms.fade("membrane", 0.0)
 
     @property
     def rests(self) -> bool:

@@ -59,11 +59,11 @@ class Softening(WallTerm):
 
     def rest(self) -> None:
         """Begin to fade the softening out."""
-        self._terms.to_fade["pattern"] = 1.0
+        self._terms.fade("pattern", 1.0)
 
     def wake(self) -> None:
         """Begin to fade the softening in."""
-        self._terms.to_fade["pattern"] = 0.0
+        self._terms.fade("pattern", 0.0)
 
     @property
     def rests(self) -> bool:

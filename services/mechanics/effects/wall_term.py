@@ -31,7 +31,7 @@ class WallTerm(Effect):
 
     def settle(self, world: World, dt_s: float) -> None:
         """Remove the energy gained in the step because its contact forces differed from those of the last step."""
-        self._terms.settle(world.clearance_m, dt_s)
+        self._terms.settle(lambda: world.clearance_m, dt_s)
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Let the wall's terms relax, and the pattern of the loads follow these."""

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from trocar.services.mechanics.scene.cystic_tubes import cystic_tubes
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
 from trocar.services.mechanics.scene.scene_model import DuctScene
 from trocar.services.mechanics.surface.branched_tubes import Tube, branch_of
@@ -20,6 +21,10 @@ def duct_tubes(duct: DuctScene) -> list[Tube]:
     The trunk is placed like the parametric duct: its far end is the origin, which it leaves along +x, bending to +y.
     Raises ValueError that names the key of an inconsistent value.
     """
+    if duct.cystic is not None:
+        if duct.branches:
+            raise ValueError("duct.cystic: brings the common duct with it, and goes with no other branches")
+        return cystic_tubes(duct.cystic, duct.thickness_m)
     if duct.cut_angle_rad or duct.slit_length_m:
         raise ValueError("duct: a duct with branches is cut neither obliquely nor open: no cut_angle_rad, no slit")
     goes_on = {branch.parent for branch in duct.branches if branch.at_m is None}

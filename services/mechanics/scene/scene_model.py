@@ -12,6 +12,7 @@ from typing import Literal
 
 from trocar.services.mechanics.fem.elements import BendingChoice, MembraneName
 from trocar.services.mechanics.scene.catheter_section import CatheterSection
+from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
 from trocar.services.mechanics.scene.guide_wire import GuideWireScene
 from trocar.services.mechanics.scene.instruments import ForcepsScene, ToolScene
@@ -31,6 +32,8 @@ class DuctScene:
     trunk of a tree, meshed with edges of about ``mesh_edge_m``; its far end is held unless branches continue from it.
     Both integrators of its modes are of second order and without numerical damping (spectral radius 1); each mode is
     damped by ``damping_ratio``.
+    With ``cystic`` it is a cystic duct by its anatomy, and the common duct that it leaves; ``radius_m``, ``length_m``
+    and all else of the tube's shape are then not used.
     ``bending`` is a bending triangle, or "auto": `reissner`, with transverse shear, unless the wall is thin
     (`fem.thinness.bending_of_wall`).
     ``mesh_names`` are the names of a surface file's open ends from the widest on, by default ``end_0``, ``end_1`` and
@@ -48,6 +51,7 @@ class DuctScene:
     slit_length_m: float = 0.0
     slit_width_m: float = 0.0
     branches: tuple[DuctBranch, ...] = ()
+    cystic: CysticDuctScene | None = None
     mesh_file: str | None = None
     mesh_unit: LengthUnit = "mm"
     mesh_clamped: tuple[str, ...] = ("end_0",)
@@ -67,6 +71,11 @@ class DuctScene:
     damping_ratio: float = 0.1
     integrator: Literal["newmark", "exact"] = "newmark"
     residual: Literal["auto", "full", "cyclic", "patches", "none"] = "auto"
+
+    @property
+    def is_tree(self) -> bool:
+        """Whether it is a tree of tubes."""
+        return bool(self.branches) or self.cystic is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

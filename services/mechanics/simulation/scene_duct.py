@@ -85,10 +85,10 @@ def check_duct_numbers(duct: DuctScene) -> None:
         if duct.mesh_file is None:
             duct_geometry(duct)
         wall_section(duct)
-        if duct.branches:
+        if duct.is_tree:
             duct_tubes(duct)
     except ValueError as error:
-        if str(error).startswith("duct.branches"):
+        if str(error).startswith(("duct.branches", "duct.cystic")):
             raise
         sentence = str(error).replace("wall_thickness_m", "thickness_m").partition(": ")[2]
         raise ValueError(f"duct: {sentence}") from None
@@ -117,8 +117,8 @@ def scene_mesh(duct: DuctScene) -> TriangleMesh:
     """Mesh the parametric duct."""
     if duct.mesh_file is not None:
         raise ValueError(f"duct.mesh_file: {duct.mesh_file} must be read first, pass its mesh")
-    if duct.branches:
-        raise ValueError("duct.branches: a branching duct must be meshed first, pass its mesh")
+    if duct.is_tree:
+        raise ValueError("duct.branches, or duct.cystic: a branching duct must be meshed first, pass its mesh")
     return parametric_duct(duct_geometry(duct))
 
 

@@ -50,6 +50,14 @@ class Tube:
         """Return the radius at arc length ``at_m``."""
         return self.radius_m + (self.end_radius_m - self.radius_m) * at_m / self.length_m
 
+    def detail_m(self) -> float:
+        """Return the smallest radius of its surface, by which it is meshed."""
+        return min(self.radius_m, self.end_radius_m)
+
+    def near_opening(self) -> str:
+        """Return the name of the opening at its near end; empty where that lies in another tube."""
+        return ""
+
     def distance_m(self, points_m: FloatArray) -> FloatArray:
         """Return signed distances (n,) of points (n, 3) from its surface, negative inside; its ends are rounded."""
         smallest_m = min(self.radius_m, self.end_radius_m)

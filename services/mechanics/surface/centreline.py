@@ -70,15 +70,18 @@ class SurfaceTree:
     distance_m: FloatArray
 
 
-def surface_tree(mesh: TriangleMesh, sources: IntArray) -> SurfaceTree:
-    """Return the tree of bands round the vertices ``sources``; edges should be of about equal length."""
+def surface_tree(mesh: TriangleMesh, sources: IntArray, band_m: float | None = None) -> SurfaceTree:
+    """Return the tree of bands round the vertices ``sources``, by default as narrow as the mesh allows.
+
+    Edges should be of about equal length, or short beside ``band_m``.
+    """
     n, (edges, _) = mesh.n_vertices, unique_edges(mesh)
     length = np.linalg.norm(np.diff(mesh.vertices_m[edges], axis=1)[:, 0], axis=1)
     graph = scipy.sparse.coo_array((length, edges.T), shape=(n, n)).tocsr()
     distance, before, _ = scipy.sparse.csgraph.dijkstra(
         graph, directed=False, indices=sources, min_only=True, return_predecessors=True
     )
-    band = np.floor(distance / (_BAND_EDGES * length.mean())).astype(np.int64)
+    band = np.floor(distance / (band_m or _BAND_EDGES * length.mean())).astype(np.int64)
     within = edges[band[edges[:, 0]] == band[edges[:, 1]]]
     alike = scipy.sparse.coo_array((np.ones(len(within)), within.T), shape=(n, n))
     count, node = scipy.sparse.csgraph.connected_components(alike, directed=False)

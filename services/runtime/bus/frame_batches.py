@@ -1,10 +1,10 @@
 """Batches of all frames of a fast topic for observers, on a socket of their own.
 
 A process that acts on a topic reads the topic's own socket, and each such reader costs the publisher some microseconds
-a frame. Observers of every frame that are not urgent (a recorder, `trocar sniff`) subscribe here: a frame is then one
-entry in a list, which is sent as one message at most `SENDS_PER_S` times a second, between two ticks. Without a
-subscriber nothing is sent, and only the first frames are kept, since subscribers are known only at the first check, and
-a recording without its first frames cannot be replayed.
+a frame. Observers of every frame that are not urgent (a recorder, `trocar diagnose sniff`) subscribe here: a frame is
+then one entry in a list, which is sent as one message at most `SENDS_PER_S` times a second, between two ticks. Without
+a subscriber nothing is sent, and only the first frames are kept, since subscribers are known only at the first check,
+and a recording without its first frames cannot be replayed.
 """
 
 from __future__ import annotations

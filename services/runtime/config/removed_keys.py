@@ -9,7 +9,7 @@ from typing import Any
 #: By the path of a removed key: what holds instead.
 REMOVED_RIG_KEYS = {
     "rungs": "a loop takes SCHED_FIFO or, where that is refused, niceness -20",
-    "supervisor.watch_floor": "`trocar latency` watches the machine while it looks",
+    "supervisor.watch_floor": "`trocar diagnose latency` watches the machine while it looks",
 }
 #: Paths that this process or its parent has already warned of, separated by spaces: a rig has many processes.
 _TOLD = "TROCAR_REMOVED_KEYS_TOLD"

@@ -3,7 +3,7 @@
 A process writes one row a tick: the tick of the rig, its due, start and end times, the processor time of its thread
 since the last one, and the duration of each stage. Writing is one copy into existing memory, without allocation or
 locks. The memory is a file that never touches a disk, which others read without involving the loop: the page's process
-after a miss, ``trocar latency`` at any time, even of a process that hangs or has died.
+after a miss, ``trocar diagnose latency`` at any time, even of a process that hangs or has died.
 """
 
 from __future__ import annotations

@@ -179,7 +179,9 @@ def read_file(path: Path) -> Flights:
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or 'is no file of flights'}") from None
     except _NO_FLIGHTS:
-        raise ConfigError(f"{path}: is no file of flights; `trocar latency` without a file looks at the rig") from None
+        raise ConfigError(
+            f"{path}: is no file of flights; without one `trocar diagnose latency` looks at the rig"
+        ) from None
 
 
 def _flight(about: dict[str, Any], rows: NDArray[Any]) -> Flight:

@@ -73,7 +73,7 @@ class Supervisor:
         self.shown: ShownRecording | None = None
         self.meter: LoopMeter | None = None  # measures its own turns
         self.events: deque[Event] = deque(maxlen=200)
-        limits = hang_detection.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
+        limits = hang_detection.HangLimits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
         patience_s = contracts.STILL_S + 2.0 * SETTLE_S  # outlasts a stall's effect on windows and hysteresis
         ladder = Ladder(levels=setup.levels, patience_s=patience_s, may_restart=setup.launch is not None)

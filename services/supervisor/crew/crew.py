@@ -52,7 +52,7 @@ class Crew:
 
     members: dict[str, Member]
     bus: Bus
-    limits: hang_detection.Limits
+    limits: hang_detection.HangLimits
     launch: Launch | None
     say: Callable[[str, str], None]
     on_report: Callable[[str, bodies.Health], None] = lambda _name, _health: None

@@ -26,7 +26,7 @@ _LIVING = ("ready", "running", "degraded")
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class HangLimits:
     """Accepted silences, in seconds."""
 
     heartbeat_s: float = 0.5
@@ -39,7 +39,7 @@ def says_living(member: Member) -> bool:
     return member.health is not None and member.health.state in _LIVING
 
 
-def may_be_silent(member: Member, now_s: float, limits: Limits) -> bool:
+def may_be_silent(member: Member, now_s: float, limits: HangLimits) -> bool:
     """Return whether a living process was not heard for half of the accepted time."""
     if not says_living(member):
         return False
@@ -47,7 +47,7 @@ def may_be_silent(member: Member, now_s: float, limits: Limits) -> bool:
     return now_s - member.heard_s > 0.5 * limits.heartbeat_s or now_s - stream_s > 0.5 * limits.stream_s
 
 
-def says_ready(member: Member, now_s: float, limits: Limits) -> bool:
+def says_ready(member: Member, now_s: float, limits: HangLimits) -> bool:
     """Return whether a process reports ready and its stream is heard."""
     if not says_living(member) or now_s - member.heard_s > limits.heartbeat_s:
         return False
@@ -56,13 +56,13 @@ def says_ready(member: Member, now_s: float, limits: Limits) -> bool:
     return member.stream_s is not None and now_s - member.stream_s <= limits.stream_s
 
 
-def is_overdue(member: Member, now_s: float, limits: Limits) -> bool:
+def is_overdue(member: Member, now_s: float, limits: HangLimits) -> bool:
     """Return whether a starting process has made no progress for too long, not counting waits for a processor."""
     waited_s = member.child.waits().total_s - member.waited_before_s if member.child is not None else 0.0
     return now_s - max(member.since_s, member.advanced_s) - waited_s > limits.ready_s
 
 
-def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) -> bool:
+def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: HangLimits) -> bool:
     """Return whether a hung process is to be ended: stopped by a signal, or silent, for the heartbeat's limit.
 
     Waits for a processor do not count, and a process that waited for most of the time has ten times the limit: on a
@@ -85,7 +85,7 @@ def stalling(member: Member, now_s: float) -> str:
     return f"{member.name}: fell silent {stalls} times in {STALLS_WITHIN_S:.0f} s" if stalls >= STALLS else ""
 
 
-def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
+def hang(member: Member, stopped: bool, now_s: float, limits: HangLimits) -> str:
     """Return the message about a hanging process, empty if it does not hang.
 
     A starting process may be silent (it builds a basis or compiles kernels), but not stopped. Waits for a processor do

@@ -39,7 +39,7 @@ def control_path(transport: Transport) -> Path:
     return endpoints.run_directory(transport) / "supervisor.control"
 
 
-class Control:
+class CommandSocket:
     """The supervisor's end of the socket; it never waits."""
 
     def __init__(self, supervisor: Supervisor) -> None:

@@ -111,7 +111,7 @@ class Heat(msgspec.Struct, frozen=True):
     counts: list[int]
 
 
-class Snapshot(msgspec.Struct, frozen=True):
+class DashboardSnapshot(msgspec.Struct, frozen=True):
     """The whole rig at one time."""
 
     t: float
@@ -179,7 +179,7 @@ def snapshot(
     scene: str,
     threads: Mapping[str, UsageRow] = MappingProxyType({}),
     attempt: bodies.Attempt | None = None,
-) -> Snapshot:
+) -> DashboardSnapshot:
     """Return the rig's state for the page, from the supervisor's judgement and the processes' reports."""
     state = status.state
     windows = {name: one.figures for name, one in heard.items()}
@@ -189,7 +189,7 @@ def snapshot(
     nothing = Heard.nothing(rig.supervisor.window_s)
     starts = status.starts
     usage = {name: row.lately for name, row in threads.items()}
-    return Snapshot(
+    return DashboardSnapshot(
         t=round(status.said_s - status.started_s, 3),
         incarnation=status.incarnation,
         state=state.state,

@@ -44,7 +44,7 @@ _NOT_KEPT = {"Cache-Control": "no-store"}
 _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h1>
 <p>The rig runs, but <code>services/visualization/web/dist</code> is missing. Build it once with
 <code>python -m trocar.services.visualization.web.build</code> and load this page again.</p>
-<p>Meanwhile: <a href="/events">/events</a>, <a href="/metrics">/metrics</a>, and <code>trocar top</code>.</p>"""
+<p>Meanwhile: <a href="/events">/events</a>, <a href="/metrics">/metrics</a>, <code>trocar diagnose top</code>.</p>"""
 
 
 @dataclass(slots=True)

@@ -166,7 +166,10 @@ def test_a_service_that_stands_still_gets_no_old_forces_and_the_next_rises_at_th
         service.held_back = True
         bench.run(stall_ticks, high)
         now_ns = service.clock.monotonic_ns()
-        assert stall_ticks < 3 or driver.write_span_ns(now_ns, now_ns) > 3_000_000  # beyond what the law's books cover
+        assert driver.skipped == max(stall_ticks - 1, 0)
+        is_covered = driver.write_span_ns(now_ns, now_ns) <= 1_000_000 * servo_arrays.FLIGHTS
+        # The law's books cover two that are not sent; one that rises faster than an arm may is not given as ordered.
+        assert is_covered == (stall_ticks in (2, 3))
         service.held_back = False
         answered = service.answered
         bench.run(1, high)
@@ -225,7 +228,7 @@ def test_a_slow_service_is_told_of_as_its_forces_come_too_late(pushing: HaplyBen
     assert "times a second only, so its forces come too late to be felt" in driver.prompt
     assert driver.gauges()["servo_rate_hz"] < 600.0
     now_ns = pushing.service.clock.monotonic_ns()
-    assert driver.write_span_ns(now_ns, now_ns) > 3_000_000
+    assert driver.write_span_ns(now_ns, now_ns) > 1_000_000 * servo_arrays.FLIGHTS
 
 
 def test_a_service_that_says_more_than_it_was_asked_is_a_fault(pushing: HaplyBench) -> None:

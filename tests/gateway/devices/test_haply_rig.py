@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.gateway.kicks import kicks_n
-from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, assert_never_a_kick
+from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, active_share, assert_never_a_kick
 from trocar.services.gateway.devices.limited_force import SPARE_S
 from trocar.services.gateway.servo.servo_law import MAX_STEP_S
 
@@ -66,6 +66,24 @@ def _felt(instrument: Any) -> bool:
 
 def _is_out(instrument: Any) -> bool:
     return instrument.state == "fault" and not any(instrument.applied_force_n)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+def test_a_minute_with_the_service_has_no_fault_and_no_kick(rig: Rig) -> None:
+    """How much of it a force was active depends on who else uses the machine: it is printed."""
+    bench = rig.bench
+    bench.gateway()
+    bench.haptics(FORCE_N)
+    rig.arm_until_felt()
+    frames = bench.hear(60_000)
+    assert_never_a_kick(frames)
+    assert not any(frame.body.instruments[0].state == "fault" for frame in frames)
+    share = active_share(frames)
+    print(
+        f"force active in {100.0 * share:.1f} % of {len(frames)} ticks, {rig.gauges()['servo_rate_hz.left.arm']:.0f} Hz"
+    )
+    assert share > 0.0
 
 
 def test_an_arm_of_the_service_bears_the_law_and_survives_its_faults(rig: Rig) -> None:

@@ -10,7 +10,7 @@ import pytest
 from tests.gateway.hdapi.hdapi_bench import FREE, LEFT, RATE_N_S, RIGHT, STEP_N, TTL_MS, HdapiBench
 from trocar.services.gateway.hdapi import native
 from trocar.services.gateway.hdapi.constants import ERRORS, Style
-from trocar.services.gateway.hdapi.library import Library
+from trocar.services.gateway.hdapi.library import HdapiLibrary
 from trocar.services.gateway.servo import servo_arrays
 from trocar.services.gateway.servo.engagement import SMALL_FORCE_N
 from trocar.services.mechanics.compiled import kernel
@@ -86,7 +86,7 @@ def test_the_error_stack_is_empty_after_every_frame(pushing: HdapiBench) -> None
     for _ in range(20):
         pushing.c.standin_raise(0x0201, 1)
     pushing.run(2, LEFT, RIGHT)
-    assert Library(str(pushing.standin.path), "here").take_error() == 0
+    assert HdapiLibrary(str(pushing.standin.path), "here").take_error() == 0
 
 
 def test_an_unplugged_arm_is_left_alone_and_comes_back_when_the_rig_is_armed(pushing: HdapiBench) -> None:

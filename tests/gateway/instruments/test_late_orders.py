@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from tests.gateway.kicks import ENDLESS_N
 from trocar.protocol.bodies import LocalModel
 from trocar.services.gateway.instruments.servo import Servo, ServoLimits
-from trocar.services.gateway.servo.engagement import State
+from trocar.services.gateway.servo.engagement import EngagementState
 
 TTL_S, HELD_S, SPRING_GONE_S, RATE_N_S = 0.020, 0.005, 0.015, 200.0
 LIMITS = ServoLimits(3.0, 1.0, RATE_N_S, 0.3, 1.2, 30e-6, ENDLESS_N)
@@ -33,7 +33,7 @@ class Late:
         self.now_ns = 1_000_000_000
         self.motion = np.zeros(6)
         self._answer(300, LocalModel(), 0)
-        assert self.servo.engagement.state is State.ACTIVE
+        assert self.servo.engagement.state is EngagementState.ACTIVE
         matrix = (stiffness, 0.0, 0.0, 0.0, stiffness, 0.0, 0.0, 0.0, stiffness)
         self.model = LocalModel(force_n=(0.0, 0.0, force_n), stiffness_n_m=matrix, in_contact=True)
         assert self._answer(60, self.model, 0)[-1] == pytest.approx(force_n)
@@ -81,7 +81,7 @@ def test_after_the_last_order_force_falls_to_zero_at_the_documented_rate(force_n
         assert force == pytest.approx(left, abs=1e-9)
     assert np.all(forces <= RATE_N_S * np.maximum(0.0, TTL_S - ages) + LITTLE), "what can still be taken back"
     assert np.all(forces[19:] == 0.0)
-    assert bench.servo.engagement.state is State.STALE
+    assert bench.servo.engagement.state is EngagementState.STALE
 
 
 def test_a_force_is_whole_for_5_ms_half_at_10_and_gone_at_15() -> None:
@@ -101,7 +101,7 @@ def test_orders_that_are_all_late_have_the_force_that_their_age_leaves(force_n: 
     assert np.abs(np.diff(forces, prepend=force_n)).max() <= RATE_N_S * TICK_S + LITTLE
     assert forces[-1] == pytest.approx(float(documented(force_n, np.array([age_s]))[0]), abs=1e-6)
     if age_s >= TTL_S:
-        assert bench.servo.engagement.state is State.STALE
+        assert bench.servo.engagement.state is EngagementState.STALE
 
 
 @given(st.floats(0.5, 2.9), st.integers(1, 14), st.floats(0.0, 0.018))

@@ -7,7 +7,7 @@ from typing import Any
 from tests.gateway.kicks import ENDLESS_N
 from trocar.services.gateway import __main__ as gateway
 from trocar.services.gateway.instruments.servo import Servo, ServoLimits
-from trocar.services.gateway.servo.engagement import State
+from trocar.services.gateway.servo.engagement import EngagementState
 
 
 class Flood:
@@ -81,11 +81,11 @@ def test_a_model_that_is_waited_for_is_dated_when_it_comes_and_looked_into_later
 
 def test_hands_are_let_go_before_the_process_ends() -> None:
     servo = Servo(ServoLimits(3.0, 1.0, 200.0, 0.3, 1.2, 30e-6, ENDLESS_N), ramp_s=0.0)
-    servo.engagement.state = State.ACTIVE
+    servo.engagement.state = EngagementState.ACTIVE
     servo.engagement.gain = 1.0
     servo.force_n[2] = 1.0
     instrument: Any = SimpleNamespace(servo=servo)
     assert not gateway.let_go([instrument])
-    assert (servo.engagement.state, servo.engagement.gain) == (State.READY, 0.0)
+    assert (servo.engagement.state, servo.engagement.gain) == (EngagementState.READY, 0.0)
     servo.force_n[2] = 0.0
     assert gateway.let_go([instrument])

@@ -6,7 +6,7 @@ import pytest
 from tests.gateway.kicks import ENDLESS_N, kicks_n
 from trocar.protocol.bodies import LocalModel
 from trocar.services.gateway.instruments.servo import OVERRUNS, Servo, ServoLimits
-from trocar.services.gateway.servo.engagement import State
+from trocar.services.gateway.servo.engagement import EngagementState
 
 TTL_S = 0.02
 LIMITS = ServoLimits(3.0, 1.0, 200.0, 0.3, 1.2, 30e-6, ENDLESS_N)
@@ -37,7 +37,7 @@ class Bench:
 
     def engage(self) -> None:
         self.run(300)
-        assert self.servo.engagement.state is State.ACTIVE
+        assert self.servo.engagement.state is EngagementState.ACTIVE
         self.model = LocalModel(force_n=(0.0, 0.0, 2.0), in_contact=True)
         assert self.run(50)[2] == pytest.approx(2.0)
 
@@ -51,9 +51,9 @@ def test_a_silent_haptics_is_limp_within_the_time_to_live_and_never_steps() -> N
     bench.model = None
     assert bench.run(2)[2] == pytest.approx(2.0), "two lost answers are not felt"
     assert np.linalg.norm(bench.run(16)) <= 0.2
-    assert bench.servo.engagement.state is State.ACTIVE
+    assert bench.servo.engagement.state is EngagementState.ACTIVE
     assert np.linalg.norm(bench.run(1)) == 0.0, "20 ms after the sample that was answered last"
-    assert bench.servo.engagement.state is State.STALE
+    assert bench.servo.engagement.state is EngagementState.STALE
     assert bench.largest_step() <= 0.2 + 1e-9
 
 
@@ -88,7 +88,7 @@ def test_a_new_haptics_process_must_engage_anew() -> None:
     bench.engage()
     bench.incarnation = 2
     assert np.linalg.norm(bench.run(15)) == 0.0
-    assert bench.servo.engagement.state is State.STALE
+    assert bench.servo.engagement.state is EngagementState.STALE
     assert bench.largest_step() <= 0.2 + 1e-9
 
 
@@ -96,10 +96,10 @@ def test_three_late_ticks_let_go() -> None:
     bench = Bench()
     bench.engage()
     bench.run(OVERRUNS - 1, tick_ns=2_500_000)
-    assert bench.servo.engagement.state is State.ACTIVE
+    assert bench.servo.engagement.state is EngagementState.ACTIVE
     bench.run(1)
     bench.run(OVERRUNS, tick_ns=2_500_000)
-    assert bench.servo.engagement.state is State.STALE
+    assert bench.servo.engagement.state is EngagementState.STALE
 
 
 def test_a_hand_faster_than_the_device_allows_is_a_fault() -> None:
@@ -107,7 +107,7 @@ def test_a_hand_faster_than_the_device_allows_is_a_fault() -> None:
     bench.engage()
     bench.motion[3] = 1.3
     bench.run(1)
-    assert bench.servo.engagement.state is State.FAULT
+    assert bench.servo.engagement.state is EngagementState.FAULT
     assert "1.30 m/s" in bench.servo.engagement.fault
     bench.motion[3] = 0.0
     assert np.linalg.norm(bench.run(20)) == 0.0
@@ -118,7 +118,7 @@ def test_a_pose_that_is_no_number_is_a_fault_and_never_a_force() -> None:
     bench.engage()
     bench.motion[1] = np.nan
     bench.run(1)
-    assert bench.servo.engagement.state is State.FAULT
+    assert bench.servo.engagement.state is EngagementState.FAULT
     assert np.isfinite(bench.forces).all()
     assert np.linalg.norm(bench.run(20)) == 0.0
 

@@ -5,7 +5,7 @@ import pytest
 from trocar.protocol import Frame
 from trocar.protocol.bodies import SupervisorState
 from trocar.services.gateway.orders.supervisor_commands import SupervisorCommands
-from trocar.services.gateway.servo.engagement import Engagement, State
+from trocar.services.gateway.servo.engagement import Engagement, EngagementState
 
 
 class Stub:
@@ -35,7 +35,7 @@ def engaged() -> tuple[SupervisorCommands, Stub]:
     stub = Stub()
     for _ in range(200):
         stub.engagement.step(1e-3, fresh=True, alive=True, demand_n=0.0, calibrated=True)
-    assert stub.engagement.state is State.ACTIVE
+    assert stub.engagement.state is EngagementState.ACTIVE
     return SupervisorCommands([stub], 2.0), stub  # type: ignore[list-item]
 
 
@@ -45,7 +45,7 @@ def test_a_safe_stop_is_latched_until_the_same_supervisor_arms(engaged: tuple[Su
     assert (stub.engagement.gain, orders.stopped) == (0.0, True)
     for _ in range(300):
         stub.engagement.step(1e-3, fresh=True, alive=True, demand_n=0.0, calibrated=True)
-    assert stub.engagement.state is State.READY
+    assert stub.engagement.state is EngagementState.READY
     orders.obey([_frame(False)], 1)
     assert (stub.armed, orders.stopped) == (1, False)
 
@@ -71,7 +71,7 @@ def test_arming_a_running_rig_tries_again_once_what_is_at_fault(engaged: tuple[S
     assert stub.tried == 0, "who armed it did so before this gateway was there"
     orders.obey([_frame(False, armed=2), _frame(False, armed=2)], 2)
     assert (stub.tried, stub.armed) == (1, 0)
-    assert stub.engagement.state is State.ACTIVE, "no hand is let go for that"
+    assert stub.engagement.state is EngagementState.ACTIVE, "no hand is let go for that"
     orders.obey([_frame(False, incarnation=2, armed=3)], 3)
     assert stub.tried == 1, "a supervisor that starts anew does not arm"
 
@@ -96,19 +96,19 @@ def test_without_a_supervisor_hands_are_let_go_as_for_a_dead_stream(engaged: tup
     orders.obey([_frame(False)], SECOND_NS)
     orders.obey([], 3 * SECOND_NS)
     _live(stub, 0.01)
-    assert (stub.engagement.state, orders.unsupervised) == (State.ACTIVE, False)
+    assert (stub.engagement.state, orders.unsupervised) == (EngagementState.ACTIVE, False)
     orders.obey([], 3 * SECOND_NS + 1)
     _live(stub, 0.5)
-    assert (stub.engagement.state, stub.engagement.gain, orders.unsupervised) == (State.STALE, 0.0, True)
+    assert (stub.engagement.state, stub.engagement.gain, orders.unsupervised) == (EngagementState.STALE, 0.0, True)
     orders.obey([_frame(False, incarnation=2)], 9 * SECOND_NS)
     _live(stub, 0.05)
-    assert stub.engagement.state is State.STALE, "not before the stream has been fresh for a while"
+    assert stub.engagement.state is EngagementState.STALE, "not before the stream has been fresh for a while"
     _live(stub, 0.2)
-    assert stub.engagement.state is State.ACTIVE
+    assert stub.engagement.state is EngagementState.ACTIVE
 
 
 def test_force_does_not_begin_before_a_supervisor_was_heard_unless_there_is_none() -> None:
-    for timeout_s, state in ((2.0, State.READY), (None, State.ACTIVE)):
+    for timeout_s, state in ((2.0, EngagementState.READY), (None, EngagementState.ACTIVE)):
         stub = Stub()
         orders = SupervisorCommands([stub], timeout_s)  # type: ignore[list-item]
         for tick in range(500):

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from trocar.services.gateway.servo.engagement import SETTLE_S, Engagement, State
+from trocar.services.gateway.servo.engagement import SETTLE_S, Engagement, EngagementState
 
 DT_S = 1e-3
 
@@ -19,7 +19,7 @@ def _active() -> Engagement:
     engagement = Engagement(ramp_s=0.5)
     engagement.open(calibrated=True)
     assert _steps(engagement, SETTLE_S + 0.6)
-    assert engagement.state is State.ACTIVE
+    assert engagement.state is EngagementState.ACTIVE
     return engagement
 
 
@@ -27,14 +27,14 @@ def test_force_begins_after_a_fresh_stream_of_100_ms_and_ramps_up() -> None:
     engagement = Engagement(ramp_s=0.5)
     engagement.open(calibrated=True)
     assert not _steps(engagement, SETTLE_S - 0.002)
-    assert engagement.state is State.READY
+    assert engagement.state is EngagementState.READY
     assert _steps(engagement, 0.003)
     gains = []
     for _ in range(510):
         _steps(engagement, DT_S)
         gains.append(engagement.gain)
     assert max(b - a for a, b in itertools.pairwise(gains)) == pytest.approx(DT_S / 0.5)
-    assert engagement.state is State.ACTIVE
+    assert engagement.state is EngagementState.ACTIVE
     assert engagement.gain == 1.0
 
 
@@ -45,7 +45,7 @@ def test_one_bad_tick_begins_the_wait_anew(spoiled: dict[str, object]) -> None:
     _steps(engagement, 0.09)
     _steps(engagement, DT_S, **spoiled)
     _steps(engagement, 0.09)
-    assert engagement.state is State.READY
+    assert engagement.state is EngagementState.READY
     assert engagement.gain == 0.0
 
 
@@ -53,7 +53,7 @@ def test_no_force_before_calibration() -> None:
     engagement = Engagement(ramp_s=0.0)
     engagement.open(calibrated=False)
     _steps(engagement, 1.0, calibrated=False)
-    assert engagement.state is State.CALIBRATING
+    assert engagement.state is EngagementState.CALIBRATING
     _steps(engagement, 0.2)
     assert engagement.engaged
 
@@ -61,20 +61,20 @@ def test_no_force_before_calibration() -> None:
 def test_a_dead_stream_is_stale_and_comes_back_through_a_new_engagement() -> None:
     engagement = _active()
     _steps(engagement, DT_S, fresh=False, alive=True)
-    assert engagement.state is State.ACTIVE, "late, not dead"
+    assert engagement.state is EngagementState.ACTIVE, "late, not dead"
     _steps(engagement, DT_S, fresh=False, alive=False)
-    assert (engagement.state, engagement.gain) == (State.STALE, 0.0)
+    assert (engagement.state, engagement.gain) == (EngagementState.STALE, 0.0)
     _steps(engagement, 0.09)
     assert engagement.gain == 0.0
     _steps(engagement, 0.02)
-    assert engagement.state is State.ENGAGING
+    assert engagement.state is EngagementState.ENGAGING
 
 
 def test_a_stop_holds_until_the_rig_is_armed() -> None:
     engagement = _active()
     engagement.stop()
     _steps(engagement, 1.0)
-    assert (engagement.state, engagement.gain) == (State.READY, 0.0)
+    assert (engagement.state, engagement.gain) == (EngagementState.READY, 0.0)
     engagement.arm()
     assert _steps(engagement, 0.2)
 
@@ -85,9 +85,9 @@ def test_a_fault_keeps_its_first_reason_and_is_latched_until_armed() -> None:
     engagement.fail("second")
     engagement.let_go()
     _steps(engagement, 1.0)
-    assert (engagement.state, engagement.fault, engagement.gain) == (State.FAULT, "first", 0.0)
+    assert (engagement.state, engagement.fault, engagement.gain) == (EngagementState.FAULT, "first", 0.0)
     engagement.arm()
-    assert (engagement.state, engagement.fault) == (State.READY, "")
+    assert (engagement.state, engagement.fault) == (EngagementState.READY, "")
 
 
 def test_a_fault_during_a_stop_needs_the_arming_too() -> None:
@@ -95,7 +95,7 @@ def test_a_fault_during_a_stop_needs_the_arming_too() -> None:
     engagement.stop()
     engagement.fail("drive")
     _steps(engagement, 0.5)
-    assert engagement.state is State.FAULT
+    assert engagement.state is EngagementState.FAULT
 
 
 def test_how_long_force_was_refused_because_too_much_is_asked_for() -> None:

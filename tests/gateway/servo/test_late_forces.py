@@ -19,7 +19,7 @@ from trocar.services.gateway.devices.driver import HandleLimits
 from trocar.services.gateway.instruments.servo import Servo, ServoLimits
 from trocar.services.gateway.servo import servo_law
 from trocar.services.gateway.servo.energy_bound import ADVANCE_J, FORGIVEN_W
-from trocar.services.gateway.servo.engagement import State
+from trocar.services.gateway.servo.engagement import EngagementState
 from trocar.services.gateway.servo.servo_arrays import (
     FLIGHTS,
     MEMORY_ENERGY,
@@ -34,13 +34,15 @@ from trocar.services.gateway.servo.servo_arrays import (
     NOW_LAST_LATE_S,
     NOW_LATE_S,
     NOW_SIZE,
+    NOW_SKIPPED,
     NOW_TTL,
 )
 from trocar.services.gateway.simulated.write_delay import WRITE_SIZE, WRITES, pass_time, write_late
-from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray, IntArray
 
 TICKS = 60
 FRICTION, FRICTION_NM = 0.02, 0.001
+ALL_SENT = np.zeros(TICKS, np.int32)
 
 
 @dataclass(frozen=True)
@@ -52,15 +54,18 @@ class Course:
         force: (n, 3). What the model asks for there, N.
         stiffness: (n,). Of the model, N/m.
         late_s: (n,). How late the force of the tick acts.
+        skipped: (n,). How many forces in a row, up to this tick's, are not sent. The one before them comes at any time
+            until the next that is sent.
     """
 
     place: FloatArray
     force: FloatArray
     stiffness: FloatArray
     late_s: FloatArray
+    skipped: IntArray
 
 
-def course(seed: int, speed_m_s: float, lazy: float, latest_s: float, jitter: float) -> Course:
+def course(seed: int, speed_m_s: float, lazy: float, latest_s: float, jitter: float, skips: int = 0) -> Course:
     """Draw a hand: a walk whose steps resemble the ones before as much as it is `lazy`."""
     draw = np.random.default_rng(seed)
     step, place = np.zeros(3), np.zeros((TICKS, 3))
@@ -68,11 +73,18 @@ def course(seed: int, speed_m_s: float, lazy: float, latest_s: float, jitter: fl
         step = lazy * step + (1.0 - lazy) * speed_m_s * DT_S * draw.standard_normal(3)
         place[k] = place[k - 1] + step
     stiffness = draw.choice([0.0, 100.0, 1000.0, 3000.0], TICKS)
+    skipped, late_s = np.zeros(TICKS, np.int32), latest_s * (1.0 - jitter * draw.random(TICKS))
+    for first in range(2, TICKS - skips if skips else 0, 5):
+        run = int(draw.integers(0, skips + 1))
+        skipped[first : first + run] = np.arange(1, run + 1)
+        if run:
+            late_s[first - 1] = max(late_s[first - 1], DT_S * (1.0 + run * draw.random()))
     return Course(
         place=place,
         force=2.0 * draw.standard_normal((TICKS, 3)) * (draw.random((TICKS, 1)) < 0.9),
         stiffness=stiffness,
-        late_s=latest_s * (1.0 - jitter * draw.random(TICKS)),
+        late_s=late_s,
+        skipped=skipped,
     )
 
 
@@ -89,6 +101,7 @@ class Bench:
         self.now[[NOW_LAST_LATE_S, NOW_LATE_S]] = late_s
         self.books = self.memory[MEMORY_TORQUE:] if handle else self.memory
         self.friction, self.writes = friction, np.zeros((WRITES, WRITE_SIZE))
+        self.late_s, self.knows_of_skipped = late_s, True
         self.given_j = self.rubbed_j = 0.0
 
     def run(self, course: Course, rubs: float = 1.0) -> list[float]:
@@ -107,7 +120,12 @@ class Bench:
             before = place
             self._step(course, k)
             excess.append(float(self.books[MEMORY_ENERGY]) + self.given_j - self.rubbed_j)
-            write_late(self.writes, *self._force(), float(course.late_s[k]))
+            skipped = int(course.skipped[k])
+            if not skipped:
+                write_late(self.writes, *self._force(), float(course.late_s[k]))
+            if self.knows_of_skipped:
+                self.now[NOW_SKIPPED] = skipped
+                self.now[NOW_LAST_LATE_S] = self.late_s + skipped * DT_S
         return excess
 
     def _step(self, course: Course, k: int) -> None:
@@ -166,12 +184,52 @@ def test_a_hand_has_never_put_in_less_than_the_books_say(
     assert max(excess) <= ALLOWED_J
 
 
+@settings(max_examples=150, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    speed_m_s=st.sampled_from([0.01, 0.1, 1.0]),
+    lazy=st.sampled_from([0.0, 0.8, 0.98]),
+    told_ms=st.floats(1.0, FLIGHTS - 2),
+    jitter=st.floats(0.0, 1.0),
+    friction=st.sampled_from([0.0, FRICTION]),
+)
+def test_nor_while_forces_are_not_sent_as_the_last_has_no_answer(
+    seed: int, speed_m_s: float, lazy: float, told_ms: float, jitter: float, friction: float
+) -> None:
+    """A place is answered within a tick of its question, so what is told is a tick at least."""
+    bench = Bench(1e-3 * told_ms, friction, handle=False)
+    excess = bench.run(course(seed, speed_m_s, lazy, 1e-3 * told_ms, jitter, skips=2), 1.0)
+    assert bench.books[MEMORY_UNKNOWN] == 0.0
+    assert max(excess) <= ALLOWED_J
+
+
+def test_books_that_are_not_told_of_forces_that_are_not_sent_say_less() -> None:
+    told, untold = [], []
+    for seed in range(20):
+        drawn = course(seed, 0.1, 0.98, 1e-3, 0.0, skips=2)
+        for knows, found in ((True, told), (False, untold)):
+            bench = Bench(1e-3, 0.0, handle=False)
+            bench.knows_of_skipped = knows
+            found.append(max(bench.run(drawn)))
+    assert max(told) <= ALLOWED_J
+    assert max(untold) > 3.0 * ALLOWED_J
+
+
+def test_as_many_forces_in_a_row_that_are_not_sent_as_the_books_hold_are_known_and_no_more() -> None:
+    for skipped, is_known in ((FLIGHTS - 1, True), (FLIGHTS, False)):
+        bench = Bench(1e-3, 10.0, handle=False)
+        steady = course(1, 0.0, 0.0, 1e-3, 0.0)
+        bench.now[NOW_SKIPPED] = skipped
+        bench._step(steady, 0)
+        assert (bench.books[MEMORY_UNKNOWN] == 0.0) == is_known
+
+
 @pytest.mark.parametrize("handle", [False, True])
 def test_books_that_know_of_no_delay_say_less_than_a_hand_was_given(handle: bool) -> None:
     """As they did: K v^2 tau T in each tick, with one sign going in and coming out; so the judge can find it."""
     depth_m, stiffness_n_m = 2e-3 * np.sin(0.3 * np.arange(TICKS)), 1000.0
     place = np.stack([-depth_m, 0.0 * depth_m, 0.0 * depth_m], axis=1)
-    shaken = Course(place, -stiffness_n_m * place, np.full(TICKS, stiffness_n_m), np.full(TICKS, 0.3e-3))
+    shaken = Course(place, -stiffness_n_m * place, np.full(TICKS, stiffness_n_m), np.full(TICKS, 0.3e-3), ALL_SENT)
     told, untold = (Bench(each, 1e-4, handle=handle) for each in (0.3e-3, 0.0))
     assert max(told.run(shaken)) <= ALLOWED_J
     assert max(untold.run(shaken)) > 10.0 * ALLOWED_J
@@ -180,7 +238,7 @@ def test_books_that_know_of_no_delay_say_less_than_a_hand_was_given(handle: bool
 @pytest.mark.parametrize("handle", [False, True])
 def test_a_force_that_comes_later_than_the_books_cover_fades(handle: bool) -> None:
     bench = Bench(0.0, 10.0, handle=handle)
-    steady = Course(np.zeros((TICKS, 3)), np.full((TICKS, 3), 1.0), np.zeros(TICKS), np.zeros(TICKS))
+    steady = Course(np.zeros((TICKS, 3)), np.full((TICKS, 3), 1.0), np.zeros(TICKS), np.zeros(TICKS), ALL_SENT)
     bench.run(steady)
     assert bench.books[MEMORY_FORCE] == pytest.approx(1.0)
     for measured_s, is_felt in ((FLIGHTS * DT_S, True), (FLIGHTS * DT_S + 1e-6, False)):
@@ -205,16 +263,16 @@ def test_an_arm_whose_forces_come_too_late_must_engage_anew() -> None:
             servo.step(now_ns, np.zeros(6), 0.0, calibrated=True)
 
     run(200)
-    assert servo.engagement.state is State.ACTIVE
-    servo.arm_span.note(2.9e-3, 1e-3)
+    assert servo.engagement.state is EngagementState.ACTIVE
+    servo.arm_span.note(FLIGHTS * DT_S - 1e-4, 1e-3)
     run(10)
-    assert servo.engagement.state is State.ACTIVE
-    servo.arm_span.note(3.1e-3, 1e-3)
+    assert servo.engagement.state is EngagementState.ACTIVE
+    servo.arm_span.note(FLIGHTS * DT_S + 1e-4, 1e-3)
     run(10)
-    assert servo.engagement.state is State.STALE
+    assert servo.engagement.state is EngagementState.STALE
     servo.arm_span.note(0.1e-3, 1e-3)
     run(200)
-    assert servo.engagement.state is State.ACTIVE
+    assert servo.engagement.state is EngagementState.ACTIVE
 
 
 def test_what_is_told_of_a_delay_adds_to_what_is_measured_and_the_longest_of_late_counts() -> None:

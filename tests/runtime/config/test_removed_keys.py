@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from trocar.services.cli.check_options import checked_rig
 from trocar.services.runtime.config import config
 from trocar.services.runtime.config.removed_keys import REMOVED_RIG_KEYS
 
@@ -27,3 +28,9 @@ def test_a_removed_key_is_named_once_and_changes_nothing(
     assert "old.yaml" in sentence
     assert f"{key}: this key was removed and has no effect" in sentence
     monkeypatch.delenv("TROCAR_REMOVED_KEYS_TOLD")
+
+
+@pytest.mark.parametrize("key", REMOVED_RIG_KEYS)
+def test_a_verb_takes_an_option_with_a_removed_key(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TROCAR_REMOVED_KEYS_TOLD", " ".join(REMOVED_RIG_KEYS))
+    checked_rig("stub", None, [f"{key}=[nice]"])

@@ -14,7 +14,7 @@ from trocar.services.supervisor.crew.restart_policy import RestartPolicy
 from trocar.services.supervisor.crew.scheduler_state import Waits
 from trocar.services.supervisor.judge.window import Window
 
-LIMITS = hang_detection.Limits(heartbeat_s=0.5, stream_s=0.06, ready_s=10.0)
+LIMITS = hang_detection.HangLimits(heartbeat_s=0.5, stream_s=0.06, ready_s=10.0)
 
 
 @dataclass

@@ -21,11 +21,11 @@ from tests.review.class_of_pages import page
 from tests.supervisor.made_up import Bench, rig
 from trocar.services.cli.app import app
 from trocar.services.gateway.orders.supervisor_commands import SupervisorCommands
-from trocar.services.gateway.servo.engagement import State
+from trocar.services.gateway.servo.engagement import EngagementState
 from trocar.services.runtime.bus.stop_line import StopLine, stop_gateway
 from trocar.services.runtime.config.rig import Transport
 from trocar.services.supervisor.judge.state_machine import RigState
-from trocar.services.supervisor.page.command_socket import Control, ask, control_path
+from trocar.services.supervisor.page.command_socket import CommandSocket, ask, control_path
 from trocar.services.supervisor.page.web import PageContext, build_app
 
 
@@ -43,8 +43,8 @@ def bench(folder: Path) -> Bench:
 
 
 @pytest.fixture
-def control(bench: Bench) -> Iterator[Control]:
-    with closing(Control(bench.supervisor)) as opened:
+def control(bench: Bench) -> Iterator[CommandSocket]:
+    with closing(CommandSocket(bench.supervisor)) as opened:
         yield opened
 
 
@@ -62,7 +62,7 @@ def trocar(folder: Path, command: str, *turned: Any) -> tuple[int, str]:
     return result.exit_code, f"{result.output}{result.exception or ''}"
 
 
-def turn_of(bench: Bench, control: Control, obeys: bool = True) -> Any:
+def turn_of(bench: Bench, control: CommandSocket, obeys: bool = True) -> Any:
     def turn() -> None:
         bench.run(0.01)
         if obeys:
@@ -72,7 +72,7 @@ def turn_of(bench: Bench, control: Control, obeys: bool = True) -> Any:
     return turn
 
 
-def test_commands_need_no_page(bench: Bench, control: Control, folder: Path) -> None:
+def test_commands_need_no_page(bench: Bench, control: CommandSocket, folder: Path) -> None:
     code, said = trocar(folder, "safe-stop", turn_of(bench, control))
     assert (code, said) == (0, "safe stop: every hand is let go\n")
     assert bench.supervisor.state is RigState.SAFE_STOP
@@ -80,7 +80,7 @@ def test_commands_need_no_page(bench: Bench, control: Control, folder: Path) -> 
     assert bench.supervisor.body().armed == 1
 
 
-def test_a_safe_stop_that_nothing_came_of_is_no_success(bench: Bench, control: Control, folder: Path) -> None:
+def test_a_safe_stop_that_nothing_came_of_is_no_success(bench: Bench, control: CommandSocket, folder: Path) -> None:
     """It ended with 0 while the supervisor stood still."""
     code, said = trocar(folder, "safe-stop")
     assert (code != 0, "the supervisor does not answer" in said) == (True, True)
@@ -88,7 +88,7 @@ def test_a_safe_stop_that_nothing_came_of_is_no_success(bench: Bench, control: C
     assert (code != 0, "has not said that it obeys" in said) == (True, True)
 
 
-def test_silent_callers_keep_no_command_out(bench: Bench, control: Control, folder: Path) -> None:
+def test_silent_callers_keep_no_command_out(bench: Bench, control: CommandSocket, folder: Path) -> None:
     """Eight connections that nobody spoke on did."""
     with ExitStack() as stack:
         for _ in range(20):
@@ -99,12 +99,12 @@ def test_silent_callers_keep_no_command_out(bench: Bench, control: Control, fold
 
 
 def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
-    bench: Bench, control: Control, folder: Path
+    bench: Bench, control: CommandSocket, folder: Path
 ) -> None:
     hand = Stub()
     orders = SupervisorCommands([hand], None)  # type: ignore[list-item]
     orders.line = StopLine(Transport(directory=folder))
-    hand.engagement.state = State.ACTIVE
+    hand.engagement.state = EngagementState.ACTIVE
     code, said = trocar(folder, "safe-stop", lambda: orders.obey([], 1))
     assert (code, said) == (0, "the supervisor does not answer: the gateway itself has let every hand go\n")
     assert (orders.stopped, orders.stop_report, hand.engagement.gain) == (True, 2.0, 0.0)
@@ -118,7 +118,7 @@ def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
     orders.line.close()
 
 
-def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: Control, folder: Path) -> None:
+def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: CommandSocket, folder: Path) -> None:
     orders = SupervisorCommands([Stub()], None)  # type: ignore[list-item]
     transport = bench.supervisor.rig.transport
     orders.line = StopLine(transport)
@@ -136,7 +136,7 @@ def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: Control
     orders.line.close()
 
 
-def test_no_incarnation_on_the_page_means_the_present_run(bench: Bench, control: Control) -> None:
+def test_no_incarnation_on_the_page_means_the_present_run(bench: Bench, control: CommandSocket) -> None:
     """`0` did, and armed the rig."""
     context, transport = page(), bench.supervisor.rig.transport
     context.ask = lambda command: ask(transport, command)
@@ -175,7 +175,7 @@ def test_an_arm_is_not_undone_by_a_report_of_before_it(bench: Bench) -> None:
     assert bench.supervisor.body().safe_stop, "and one that comes after it holds"
 
 
-def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: Control, folder: Path) -> None:
+def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: CommandSocket, folder: Path) -> None:
     callers = [socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(20)]
     for caller in callers:
         caller.settimeout(5.0)

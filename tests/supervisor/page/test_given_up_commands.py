@@ -22,7 +22,7 @@ from trocar.services.runtime.errors import BusError
 from trocar.services.supervisor.control.commands import Command
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control_module
-from trocar.services.supervisor.page.command_socket import Control, ask
+from trocar.services.supervisor.page.command_socket import CommandSocket, ask
 from trocar.services.supervisor.page.page_link import Link
 
 #: More than a supervisor needs between a command and the last moment for its answer.
@@ -38,8 +38,8 @@ def bench(tmp_path: Path) -> Bench:
 
 
 @pytest.fixture
-def control(bench: Bench) -> Iterator[Control]:
-    with closing(Control(bench.supervisor)) as opened:
+def control(bench: Bench) -> Iterator[CommandSocket]:
+    with closing(CommandSocket(bench.supervisor)) as opened:
         yield opened
 
 
@@ -50,7 +50,7 @@ def _asked(bench: Bench, what: str) -> Callable[[], bodies.Answer]:
 
 @pytest.mark.parametrize("what", ["arm", "safe_stop"])
 def test_who_was_stopped_between_the_clock_and_the_deed_does_nothing_late(
-    bench: Bench, control: Control, what: str, monkeypatch: pytest.MonkeyPatch
+    bench: Bench, control: CommandSocket, what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`trocar safe-stop` said that nobody answers, and the hands were let go a while later."""
     with ThreadPoolExecutor(1) as pool, monkeypatch.context() as stopped:
@@ -66,7 +66,7 @@ def test_who_was_stopped_between_the_clock_and_the_deed_does_nothing_late(
     assert "given up by its sender" in bench.supervisor.events[-1].text
 
 
-def test_what_was_begun_is_said_to_be(bench: Bench, control: Control, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_begun_is_said_to_be(bench: Bench, control: CommandSocket, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stopped between the deed and its answer."""
     monkeypatch.setattr(control_module, "_BEGUN_S", 0.1)
     with ThreadPoolExecutor(1) as pool:

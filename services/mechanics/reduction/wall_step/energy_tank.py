@@ -8,6 +8,7 @@ that is near, because the step has been priced. There the energy comes out of th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from trocar.services.mechanics.arrays import FloatArray
@@ -16,14 +17,13 @@ from trocar.services.mechanics.reduction.wall_step.implicit_step import (
     CREDIT_J,
     ENERGY,
     TANK,
+    TANK_SHARE,
     WallStep,
+    balance_step,
     energy_and_loss,
     held_force,
 )
 
-TANK_SHARE = 0.1
-"""Largest content of the tank over the size of the stored energy, which may be below that of a linear wall; what steps
-lose beyond it is dissipated."""
 MOST_OWED = 0.01
 """Largest debt of a step over the stored energy; with a larger one the step is too long."""
 CORRECTIONS = 8
@@ -54,21 +54,22 @@ class HeldModes(Protocol):
         """Take energy out of the rates, and return how much they held."""
 
 
-def settle_step(wall: WallStep, force: FloatArray, modes: HeldModes, free_m: float) -> float:
+def settle_step(wall: WallStep, force: FloatArray, modes: HeldModes, clearance_m: Callable[[], float]) -> float:
     """Balance the energy of the step; correct it where it gained more than the tank holds.
 
-    A correction replaces ``force`` (r,), which was held, in place; all of them move the wall by at most ``free_m``.
-    Energy that the rates do not hold stays in the tank as a debt. Returned is what the step has lost.
+    A correction replaces ``force`` (r,), which was held, in place; all of them move the wall by at most what
+    ``clearance_m`` returns. What the rates do not hold stays in the tank as a debt. Return what the step has lost.
     """
-    energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
-    tank_j = wall.books[TANK]
-    if tank_j + lost_j < -CREDIT_J:
-        for _ in range(CORRECTIONS):
-            moved_m = 0.0 if tank_j + lost_j >= -CREDIT_J else _correct(wall, force, modes, (-lost_j, free_m))
-            if moved_m == 0.0:
-                break
-            free_m -= moved_m
-            energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
+    energy_j, lost_j, tank_j = balance_step(wall.address, force, modes.q_start, modes.state.q)
+    if tank_j + lost_j >= -CREDIT_J:
+        return float(lost_j)
+    free_m = clearance_m()
+    for _ in range(CORRECTIONS):
+        moved_m = 0.0 if tank_j + lost_j >= -CREDIT_J else _correct(wall, force, modes, (-lost_j, free_m))
+        if moved_m == 0.0:
+            break
+        free_m -= moved_m
+        energy_j, lost_j = energy_and_loss(wall.address, force, modes.q_start, modes.state.q)
     paid_j = modes.remove_energy(-tank_j - lost_j) if tank_j + lost_j < -CREDIT_J else 0.0
     wall.books[ENERGY] = energy_j
     wall.books[TANK] = min(tank_j + lost_j + paid_j, TANK_SHARE * abs(energy_j))

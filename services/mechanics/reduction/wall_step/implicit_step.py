@@ -73,6 +73,9 @@ LEAST_GAIN = 1e-6
 """Least gain over the largest one: an exact oscillator whose half period divides the step would have none."""
 CREDIT_J = 1e-9
 """Debt that the tank may have: the work of 1 mN over 1 um."""
+TANK_SHARE = 0.1
+"""Largest content of the tank over the size of the stored energy, which may be below that of a linear wall; what steps
+lose beyond it is dissipated."""
 ENERGY, TANK, LAGGED = range(3)
 """Places in the books."""
 
@@ -144,12 +147,6 @@ class WallStep(Struct):
         self.root[:] = root
         self.scaled[:] = self.rows * root
 
-    @property
-    def rests(self) -> bool:
-        """Whether there is nothing that could push: no term but a pattern, which is not there, and nothing lags."""
-        others = len(self.membrane.energy) + len(self.polynomial.coordinates)
-        return not (others or self.pattern.numbers[GAIN] or self.lagging.any() or self.pull.any())
-
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
         own = self.pull, self.before, self.books, self.known, self.start, self.lag, self.lagging
@@ -159,6 +156,17 @@ class WallStep(Struct):
 
 
 wall_at = reader(WallStep)
+
+
+@kernel
+def pushes(wall: WallStep, held: FloatArray) -> bool:
+    """Whether anything could push: a term but for a pattern that is not there, what lags, or what was ``held`` (r,)."""
+    if wall.membrane.energy.shape[0] + wall.polynomial.coordinates.shape[0] > 0 or wall.pattern.numbers[GAIN] != 0.0:
+        return True
+    for mode in range(held.shape[0]):
+        if held[mode] != 0.0 or wall.lagging[mode] != 0.0 or wall.pull[mode] != 0.0:
+            return True
+    return False
 
 
 @kernel
@@ -376,6 +384,20 @@ def energy_and_loss(
 
 
 @kernel
+def balance_step(
+    address: Address[WallStep], force: FloatArray, q_start: FloatArray, q: FloatArray
+) -> tuple[float, float, float]:
+    """Do as `energy_and_loss`, and enter that where the tank covers it; return what the tank held as well."""
+    wall = wall_at(address)
+    energy, lost = energy_and_loss(address, force, q_start, q)
+    tank = wall.books[TANK]
+    if tank + lost >= -CREDIT_J:
+        wall.books[ENERGY] = energy
+        wall.books[TANK] = min(tank + lost, TANK_SHARE * abs(energy))
+    return energy, lost, tank
+
+
+@kernel
 def relax_wall(address: Address[WallStep], q_start: FloatArray, q: FloatArray, decay: FloatArray) -> None:
     """Let what lags follow the slope of the terms at the end ``q`` (r,) of a step by the factors ``decay`` (t,).
 
@@ -392,7 +414,8 @@ def relax_wall(address: Address[WallStep], q_start: FloatArray, q: FloatArray, d
     wall = wall_at(address)
     for mode in range(q.shape[0]):
         wall.books[LAGGED] += wall.lagging[mode] * (q[mode] - q_start[mode])
-    _read(wall, q)
+    _know(wall, q)
+    wall.place[:] = wall.start
     _begin_slope(wall)
     _add_every_slope(wall, (1.0, 0.0))
     slope = wall.lagging

@@ -16,6 +16,7 @@ import { viewAddress } from "./address.js";
 import { hear } from "./command.js";
 import { ViewStream } from "./view/stream.js";
 import { View } from "./view/view.js";
+import { addStereo } from "./xr/stereo.js";
 
 translatePage();
 let view = null, hands = null, running = "";
@@ -56,7 +57,7 @@ const WITHOUT_PICTURE = {
 function makeView() {
   view = new View(() => dashboard.turn(), attempt);
   hands = view.stage ? new Hands(view, controls.token) : null;
-  Object.assign(globalThis.trocar, { view, hands });
+  Object.assign(globalThis.trocar, { view, hands, stereo: addStereo(view, hands) });
 }
 
 // The connection is on its way while the stage is made, which takes a computer that draws on its processor a second or more.

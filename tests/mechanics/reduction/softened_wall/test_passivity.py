@@ -155,7 +155,7 @@ def shake(seed, kind, dt_s, ways, coefficients, series=NEVER, ticks=1500):
         before = energy() + max(wall.books[TANK], 0.0)
         modes.q_start[:] = state.q
         integrator.predict(state, lagging + held, dt_s)
-        settle_step(wall, held, modes, 1.0)
+        settle_step(wall, held, modes, lambda: 1.0)
         viscous.relax(state.q, dt_s)
         relax_wall(wall.address, modes.q_start, state.q, decay)
         modal = 0.01 * random.normal(size=MODES) + OMEGA**2 * state.q

@@ -14,6 +14,7 @@ from trocar.services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_an
 from trocar.services.mechanics.reduction import DuctRecipe, Newmark, reduce_duct
 from trocar.services.mechanics.reduction.free_dofs import free_load
 from trocar.services.mechanics.reduction.large_rotations.warping import TubeWarp
+from trocar.services.mechanics.reduction.nonlinear.quadratic_manifold import fetch_membrane_force
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN, RHO
 from trocar.services.mechanics.reduction.softened_wall.pattern_change import change_pattern
 from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
@@ -112,6 +113,19 @@ def test_force_is_that_of_the_nonlinear_shell(duct, lumen, softening, name, x_m,
         before = wanted
         true = np.sum(state.force_n * lines, axis=1).sum()
         assert force.sum() == pytest.approx(true, rel=0.12)
+
+
+@pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), by_day(UNSEEN[1:2], [UNSEEN[0], UNSEEN[8]]))
+def test_beside_the_nonlinear_membrane_a_squeeze_is_counted_once(
+    duct, lumen, softening, folder, name, x_m, angle_rad, depth, is_pinch
+):
+    """The polynomial is that of what the pattern does not move."""
+    nodes, lines = jaws(lumen, duct.mesh, Squeeze(node_at(duct.mesh, x_m, angle_rad), 0.0, 0.0, is_pinch))
+    wanted = np.full(len(nodes), depth * WIDTH_M / len(nodes))
+    alone, both = (SqueezedWall(duct, softening, nodes, lines) for _ in range(2))
+    both.terms.polynomial = fetch_membrane_force(duct.recipe, duct.basis, 12, folder)
+    one, other = (wall.squeeze(wanted)[0].sum() for wall in (alone, both))
+    assert other == pytest.approx(one, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -415,7 +429,7 @@ def test_a_bent_duct_is_squeezed_by_the_law_of_a_straight_one(duct, lumen, softe
         body.contact_impulse[:] = np.einsum("kar,ka->r", duct.basis.Phi[nodes], 0.02 * lines)
         for _ in range(20):
             terms.hold(DT_S)
-            terms.settle(0.0, DT_S)
+            terms.settle(lambda: 0.0, DT_S)
             terms.end_step(DT_S)
         assert terms.step.pattern.numbers[GAIN] != 0.0
         rho.append(float(terms.step.pattern.numbers[RHO]))

@@ -1,4 +1,4 @@
-"""``trocar latency``: the worst ticks of all loops on one time line, of a rig that runs or from files that it left."""
+"""``trocar diagnose latency``: the worst ticks of all loops on one time line, of a rig or from files."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _save(taken: Sequence[Flights], path: Path) -> None:
         raise ConfigError(f"--save: a file has the ticks of one time, and {len(taken)} were given")
     with targets.writing("--save", path), atomic_file(path) as half:
         half.write_bytes(to_bytes(taken[0]))
-    print(f"wrote {path}: `trocar latency {path}` shows it", file=sys.stderr)
+    print(f"wrote {path}: `trocar diagnose latency {path}` shows it", file=sys.stderr)
 
 
 def _now(rig: str, overrides: tuple[str, ...]) -> Flights:

@@ -1,4 +1,4 @@
-"""``trocar top``: the rig in a terminal, straight from the bus, so that it works without page and supervisor."""
+"""``trocar diagnose top``: the rig in a terminal, straight from the bus, also without page and supervisor."""
 
 from __future__ import annotations
 

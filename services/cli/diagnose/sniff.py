@@ -1,4 +1,4 @@
-"""``trocar sniff``: what is on the bus, read with plain msgpack, whether this version understands it or not."""
+"""``trocar diagnose sniff``: frames on the bus, read with plain msgpack, also those that this version rejects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from trocar.protocol.topics import TOPICS
-from trocar.services.cli.raw_frames import unpack
+from trocar.services.cli.diagnose.raw_frames import unpack
 from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.bus import endpoints, keys
 from trocar.services.runtime.bus.frame_batches import batch_endpoint, lengths_and_frames, split

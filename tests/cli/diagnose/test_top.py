@@ -10,7 +10,7 @@ from rich.console import Console
 from tests.memory_bus import MemoryBus, MemoryHub
 from trocar import protocol
 from trocar.protocol.bodies import Health, ProcessReport, SupervisorState
-from trocar.services.cli.top import Listener, render
+from trocar.services.cli.diagnose.top import Listener, render
 
 LONG = {"p50": 99_999.0, "p99": 123_456.0, "p99_9": 234_567.0, "max": 345_678.0}
 

@@ -1,4 +1,4 @@
-"""The rate that `trocar sniff` prints is the topic's, however few of its frames are read."""
+"""The rate that `trocar diagnose sniff` prints is the topic's, however few of its frames are read."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 
 from trocar import protocol
 from trocar.protocol import Frame, bodies
-from trocar.services.cli.sniff import TopicTally
+from trocar.services.cli.diagnose.sniff import TopicTally
 
 MS = 1_000_000
 

@@ -16,9 +16,9 @@ from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.physics import REACTION_COLUMNS
 from trocar.protocol.former import ContactModel2
 from trocar.protocol.upgrades import body_type
-from trocar.services.cli.raw_frames import unpack
+from trocar.services.cli.diagnose.raw_frames import unpack
 
-GOLDEN = sorted((Path(__file__).parents[1] / "protocol" / "golden").glob("*.msgpack"))
+GOLDEN = sorted((Path(__file__).parents[2] / "protocol" / "golden").glob("*.msgpack"))
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)

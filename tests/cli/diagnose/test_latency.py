@@ -15,7 +15,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from trocar.services.cli.app import app
-from trocar.services.cli.latency import _cells, _show
+from trocar.services.cli.diagnose.latency import _cells, _show
 from trocar.services.diagnosis.bad_ticks import incidents, worst_ticks
 from trocar.services.diagnosis.trace import trace
 from trocar.services.runtime.errors import BusError
@@ -200,7 +200,7 @@ def kept(tmp_path: Path) -> Path:
 
 
 def test_the_command_shows_a_file(kept: Path) -> None:
-    done = CliRunner().invoke(app, ["latency", str(kept)])
+    done = CliRunner().invoke(app, ["diagnose", "latency", str(kept)])
     assert done.exit_code == 0, done.output
     for words in ("physics: 1 ticks missed", "-0.200", "solve 1875", "its own work 2.50 ms", "the machine", "30.0"):
         assert words in done.output
@@ -227,7 +227,7 @@ def test_in_a_terminal_of_eighty_columns_nothing_is_cut_and_a_loop_has_one_line(
 
 
 def test_the_command_writes_a_trace_and_json(kept: Path, tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["latency", str(kept), "--json", "--trace", str(tmp_path / "t.json")])
+    done = CliRunner().invoke(app, ["diagnose", "latency", str(kept), "--json", "--trace", str(tmp_path / "t.json")])
     assert done.exit_code == 0, done.output
     (shown,) = json.loads(done.stdout)
     assert shown["worst"][0]["tick"] == 50
@@ -236,7 +236,7 @@ def test_the_command_writes_a_trace_and_json(kept: Path, tmp_path: Path) -> None
 
 
 def _run(*arguments: str) -> Any:
-    return CliRunner().invoke(app, ["latency", *arguments])
+    return CliRunner().invoke(app, ["diagnose", "latency", *arguments])
 
 
 def test_a_running_or_dead_rig_is_looked_at_and_what_is_seen_can_be_kept(tmp_path: Path) -> None:

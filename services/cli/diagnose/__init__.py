@@ -1,0 +1,1 @@
+"""The verbs of `trocar diagnose`: what a running rig does, seen from outside."""

@@ -1,0 +1,142 @@
+"""A tube along any curve, with a width that varies along it and, on demand, folds that wind round its lumen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.surface.branched_tubes import Tube
+
+_DETAIL_OF_PITCH = 0.6
+"""A fold is meshed as a tube of that radius is: with four edges from one turn to the next."""
+_NEAREST = 4
+"""Stations of the axis whose balls are asked for the distance of a point: the radius varies slowly along it."""
+
+
+@dataclass(frozen=True)
+class Folds:
+    """A fold that winds round a lumen as a screw thread does.
+
+    Attributes:
+        from_m, to_m: Where on the axis it begins and ends; it rises and falls over half a turn.
+        pitch_m: Distance of one turn from the next.
+        height_m: By how much it narrows the radius.
+        width_m: Along the axis, where it has half its height.
+        is_left: It turns the other way.
+    """
+
+    from_m: float
+    to_m: float
+    pitch_m: float
+    height_m: float
+    width_m: float
+    is_left: bool = False
+
+    def inward_m(self, at_m: FloatArray, around_rad: FloatArray) -> FloatArray:
+        """Return how far the fold reaches into the lumen (n,) at places along and angles round the axis."""
+        sign = -1.0 if self.is_left else 1.0
+        phase = np.mod((at_m - self.from_m) / self.pitch_m - sign * around_rad / (2.0 * np.pi), 1.0)
+        off_m = self.pitch_m * np.minimum(phase, 1.0 - phase)
+        ridge = np.exp(-math.log(2.0) * (2.0 * off_m / self.width_m) ** 2)
+        rise = 0.5 * self.pitch_m
+        inside = np.clip((at_m - self.from_m) / rise, 0.0, 1.0) * np.clip((self.to_m - at_m) / rise, 0.0, 1.0)
+        inward: FloatArray = self.height_m * ridge * inside
+        return inward
+
+
+@dataclass(frozen=True)
+class CurvedTube(Tube):
+    """A tube along a polyline.
+
+    Attributes:
+        points_m: (k, 3) float64. Axis, at equal distances.
+        radii_m: (k,) float64.
+        sides: (k, 3) float64. Unit vectors across the axis that do not turn about it.
+        folds: Folds, optional.
+        opening: Name of the opening at its near end; empty where that lies in another tube, or is the mouth.
+    """
+
+    points_m: FloatArray
+    radii_m: FloatArray
+    sides: FloatArray
+    folds: Folds | None = None
+    opening: str = ""
+
+    def detail_m(self) -> float:
+        """Return the smallest radius of its surface; a fold counts by its pitch."""
+        narrowest_m = float(self.radii_m.min())
+        return narrowest_m if self.folds is None else min(narrowest_m, _DETAIL_OF_PITCH * self.folds.pitch_m)
+
+    def near_opening(self) -> str:
+        """Return the name of the opening at its near end."""
+        return self.opening
+
+    def place(self, at_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return the point of the axis at arc length ``at_m``, and the tube's axes there."""
+        stations = np.linspace(0.0, self.length_m, len(self.points_m))
+        point = np.array([np.interp(at_m, stations, axis) for axis in self.points_m.T])
+        k = int(np.clip(np.searchsorted(stations, at_m), 1, len(stations) - 1))
+        tangent = self.points_m[k] - self.points_m[k - 1]
+        tangent /= np.linalg.norm(tangent)
+        side = self.sides[k] - (self.sides[k] @ tangent) * tangent
+        side /= np.linalg.norm(side)
+        return point, np.stack([tangent, side, np.cross(tangent, side)])
+
+    def radius_at(self, at_m: float) -> float:
+        """Return the radius at arc length ``at_m``, without folds."""
+        return float(np.interp(at_m, np.linspace(0.0, self.length_m, len(self.radii_m)), self.radii_m))
+
+    def distance_m(self, points_m: FloatArray) -> FloatArray:
+        """Return signed distances (n,) of points (n, 3) from its surface, negative inside; its ends are rounded.
+
+        Where it has folds the value is right in sign, and near the surface to a part of their slope.
+        """
+        away, nearest = map(np.asarray, scipy.spatial.KDTree(self.points_m).query(points_m, k=_NEAREST))
+        distance: FloatArray = (away - self.radii_m[nearest]).min(axis=1)
+        return distance if self.folds is None else distance + self._inward_m(points_m, nearest[:, 0], self.folds)
+
+    def _inward_m(self, points_m: FloatArray, nearest: npt.NDArray[np.int64], folds: Folds) -> FloatArray:
+        tangents = np.gradient(self.points_m, axis=0)
+        tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+        k = nearest
+        out = points_m - self.points_m[k]
+        tangent, side = tangents[k], self.sides[k]
+        along = np.einsum("ij,ij->i", out, tangent)
+        across = np.cross(tangent, side)
+        around = np.arctan2(np.einsum("ij,ij->i", out, across), np.einsum("ij,ij->i", out, side))
+        step_m = self.length_m / (len(self.points_m) - 1)
+        return folds.inward_m(k * step_m + along, around)
+
+
+def curved_tube(
+    name: str,
+    points_m: FloatArray,
+    radii_m: FloatArray,
+    far_end: str,
+    folds: Folds | None = None,
+    opening: str = "",
+) -> CurvedTube:
+    """Return a tube along points (k, 3) at equal distances with radii (k,)."""
+    tangents = np.gradient(points_m, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    sides = _parallel_sides(tangents)
+    length_m = float(np.linalg.norm(np.diff(points_m, axis=0), axis=1).sum())
+    axes = np.stack([tangents[0], sides[0], np.cross(tangents[0], sides[0])])
+    ends = float(radii_m[0]), float(radii_m[-1])
+    return CurvedTube(name, points_m[0], axes, length_m, *ends, 0.0, far_end, points_m, radii_m, sides, folds, opening)
+
+
+def _parallel_sides(tangents: FloatArray) -> FloatArray:
+    """Return unit vectors across tangents (k, 3) that are carried along without turning about them."""
+    side = np.cross(tangents[0], np.eye(3)[np.argmin(np.abs(tangents[0]))])
+    sides = np.empty_like(tangents)
+    for k, tangent in enumerate(tangents):
+        side = side - (side @ tangent) * tangent
+        side /= np.linalg.norm(side)
+        sides[k] = side
+    return sides
