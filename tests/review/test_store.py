@@ -253,7 +253,7 @@ def test_a_database_of_a_newer_version_is_one_sentence_and_the_score_is_shown(ur
     path = recorded(tmp_path / "a.mcap", chain(messages(GOOD, 3.0)))
     with Store(url) as store, store._engine.begin() as connection:
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0099'")
-    says = r"its tables are of version '0099', which a newer Trocar wrote; this one knows them up to '0001'"
+    says = r"its tables are of version '0099', which a newer Trocar wrote; this one knows them up to '0002'"
     with pytest.raises(StoreError, match=says) as caught:
         Store(url)
     assert "\n" not in str(caught.value)

@@ -52,9 +52,18 @@ export class Coach {
     box.style.left = `${x}%`;
     box.style.top = `${y}%`;
     $("mistakes").append(box);
+    this.keepClear(box);
     while ($("mistakes").children.length > 3) $("mistakes").firstChild.remove();
     setTimeout(() => box.remove(), SHOWN_MS);
     beep();
+  }
+
+  // Below the task and the forces, which have to be read meanwhile.
+  keepClear(box) {
+    const view = $("view").getBoundingClientRect(), above = document.querySelector(".hud.top").getBoundingClientRect();
+    const least = above.bottom - view.top + 1.1 * box.offsetHeight + 8, isUnder = box.getBoundingClientRect().top < above.bottom;
+    const crosses = box.getBoundingClientRect().left < above.right && box.getBoundingClientRect().right > above.left;
+    if (isUnder && crosses && least < 0.8 * view.height) box.style.top = `${least}px`;
   }
 
   // Where in the picture, in per cent, with room for the words.
