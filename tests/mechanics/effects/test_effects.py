@@ -35,10 +35,9 @@ def test_unknown_effects_and_settings_of_another_are_refused_by_name(small_scene
         FrictionSettings(mu_kinetic=0.5, mu_static=0.1)
 
 
-def test_two_effects_of_one_phenomenon_are_refused(small_scene):
-    both = {name: EFFECTS[name].kind.Settings() for name in ("softening", "nonlinear_membrane")}
-    with pytest.raises(ValueError, match=r"effects.softening: describes what effects.nonlinear_membrane describes"):
-        build_effects(replace(small_scene, effects=both))
+def test_all_effects_go_together(small_scene):
+    every = {name: entry.kind.Settings() for name, entry in EFFECTS.items()}
+    assert list(build_effects(replace(small_scene, effects=every))) == list(EFFECTS)
 
 
 @pytest.mark.parametrize(
