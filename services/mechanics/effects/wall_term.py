@@ -6,6 +6,7 @@ from trocar.services.mechanics.arrays import AnyArray
 from trocar.services.mechanics.bodies.wall_terms import HOLD, RELAX, SETTLE, WallTerms, terms_of
 from trocar.services.mechanics.effects.base import Effect
 from trocar.services.mechanics.reduction.viscoelastic import PronySeries
+from trocar.services.mechanics.reduction.wall_step.implicit_step import ENERGY
 from trocar.services.mechanics.world import World
 
 
@@ -36,6 +37,10 @@ class WallTerm(Effect):
         """Remove the energy gained in the step because its contact forces differed from those of the last step."""
         if self._terms.enters(SETTLE):
             self.dissipated_j += self._terms.settle(world.clearance_m, dt_s)
+
+    def take_back(self, world: World, share: float) -> None:
+        """Note the energy of the wall where it is now."""
+        self._terms.step.books[ENERGY] = self._terms.energy_j()
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Let the wall's terms relax."""
