@@ -4,21 +4,15 @@ Pins itself to a core with the priority of the rig's loops and does in every mil
 took WORK_US on the idle machine. Says "ready" on standard output once it knows how much that is, and begins when a line
 comes back; prints the percentage of its ticks that were over late or never began. Beside a load it says what any
 program with as much to do would lose.
-
-With ``--deadline SHARE`` it reserves that share of each millisecond of some core instead of pinning itself, begins at
-once and prints its rate as a JSON object: in the mean, and in the worst second.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
-import json
 import os
 import sys
 import time
-
-from trocar.services.runtime.scheduling import DEADLINE, set_attributes
 
 PERIOD_NS = 1_000_000
 PRIORITY = 60
@@ -56,33 +50,12 @@ def lost_percent(seconds: float, count: int) -> float:
     return 100.0 * lost / ticks
 
 
-def rates_by_deadline(seconds: int, work_us: float, share: float) -> dict[str, float]:
-    """Run for so long with a reservation and return the rates.
-
-    Raises OSError: the kernel admits no such thread.
-    """
-    gc.disable()
-    count = pieces_of(work_us)
-    set_attributes(0, DEADLINE, 0, runtime_ns=round(share * PERIOD_NS), period_ns=PERIOD_NS)
-    return of_seconds([lost_percent(1.0, count) for _ in range(seconds)])
-
-
-def of_seconds(lost: list[float]) -> dict[str, float]:
-    """Return the mean rate and that of the worst second of a loop that lost these percentages of its ticks."""
-    rates = [(1.0 - each / 100.0) * 1e9 / PERIOD_NS for each in lost]
-    return {"mean_hz": sum(rates) / len(rates), "worst_hz": min(rates)}
-
-
 def main() -> None:
     """Run it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, kind in (("core", int), ("seconds", float), ("work_us", float)):
         parser.add_argument(name, type=kind)
-    parser.add_argument("--deadline", type=float, metavar="SHARE", help="reserve a share of a core, and print rates")
     asked = parser.parse_args()
-    if asked.deadline is not None:
-        print(json.dumps(rates_by_deadline(round(asked.seconds), asked.work_us, asked.deadline)))
-        return
     os.sched_setaffinity(0, {asked.core})
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))

@@ -29,9 +29,9 @@ import zmq
 from report import Row, write_report
 from rig_threads import watch
 
-from trocar.services.runtime import realtime
-from trocar.services.runtime.direct import DirectReader, DirectSender
-from trocar.services.runtime.frame_batches import is_readable
+from trocar.services.runtime.bus.direct import DirectReader, DirectSender
+from trocar.services.runtime.bus.frame_batches import is_readable
+from trocar.services.runtime.realtime import realtime
 
 PERIOD_NS = 1_000_000
 #: Bytes of gateway.state, haptics.contact_model, haptics.contacts and physics.state in the default scene, touching.

@@ -20,7 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.scenarios import PlayedScene
 from trocar.services.mechanics.scene.tools import ToolInputs

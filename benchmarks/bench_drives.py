@@ -18,10 +18,11 @@ import can
 import numpy as np
 from report import Row, measure, parse, write_report
 
-from trocar.services.gateway.instrument import Instrument, build_instruments
-from trocar.services.gateway.local_bus import LocalBus
-from trocar.services.gateway.servo_arrays import HANDLE_SIZE
-from trocar.services.runtime import config, realtime
+from trocar.services.gateway.can.local_bus import LocalBus
+from trocar.services.gateway.instruments.instrument import Instrument, build_instruments
+from trocar.services.gateway.servo.servo_arrays import HANDLE_SIZE
+from trocar.services.runtime.config import config
+from trocar.services.runtime.realtime import realtime
 
 SECONDS, WARM_S = 20.0, 2.0
 CORE, PRIORITY = 1, 55
@@ -84,7 +85,7 @@ def busy_core() -> Iterator[None]:
 def floor() -> float:
     """Return what a process takes that only wakes as often."""
     code = (
-        "import sys, time; from trocar.services.runtime import realtime\n"
+        "import sys, time; from trocar.services.runtime.realtime import realtime\n"
         f"realtime.set_up({CORE}, {PRIORITY}); due = time.monotonic()\n"
         "while True:\n    due += 2e-3; time.sleep(max(0.0, due - time.monotonic()))"
     )

@@ -40,7 +40,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' rig i
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_rates_n_s, rate_limit_n_s
 from trocar.protocol.bodies import SupervisorState
-from trocar.services.runtime.flight import flight_directory
 
 ROOT = Path(__file__).resolve().parents[1]
 LOOPS = ("gateway", "haptics", "physics")
@@ -118,7 +117,7 @@ def strike(rig: Rig, process: str, number: signal.Signals, after_s: float) -> Ou
     again_s, noticed_s = time.monotonic() - struck, _noticed_s(observer.states[said:], process, pid, struck)
     said = len(observer.states) - 1  # the last is what `again_s` was read off
     settled_s = max(JUDGED_S - MEASURED_S / 2, again_s + SETTLED_S)
-    with Floor(MEASURED_S, flight_directory(rig.directory / "bus"), struck + settled_s) as floor:
+    with Floor(MEASURED_S, struck + settled_s) as floor:
         _ticks(rig, struck + settled_s - time.monotonic())
         seen = _ticks(rig, MEASURED_S)
     running_s = _running_s(rig, said, struck)

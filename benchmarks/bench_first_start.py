@@ -28,7 +28,7 @@ _EXAMPLE = "trocar.examples.poke"
 
 _COUNT = """
 import tarfile, zstandard
-from trocar.services.kernel_archive import FOLDER, SUFFIX
+from trocar.services.kernels.kernel_archive import FOLDER, SUFFIX
 count = 0
 for path in FOLDER.glob("*" + SUFFIX):
     with path.open("rb") as packed, zstandard.ZstdDecompressor().stream_reader(packed) as plain:

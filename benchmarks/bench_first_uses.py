@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
-from trocar.services.runtime import config
-from trocar.services.runtime.machine import processor_name
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.runtime.config import config
+from trocar.services.runtime.realtime.machine import processor_name
 from trocar.services.scenes import load_scene
 from trocar.studies.first_uses import Plays
 

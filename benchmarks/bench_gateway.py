@@ -15,9 +15,9 @@ from report import Row, measure, parse, write_report
 
 from trocar.protocol import Frame, encode
 from trocar.protocol.bodies import GatewayState, LocalModel
-from trocar.services.gateway.instrument import Instrument, build_instruments
-from trocar.services.gateway.scene_hands import find_scene_hands
-from trocar.services.runtime import config
+from trocar.services.gateway.instruments.instrument import Instrument, build_instruments
+from trocar.services.gateway.motions.scene_hands import find_scene_hands
+from trocar.services.runtime.config import config
 
 SERVO_S, TICK_S = 100e-6, 1e-3
 MODEL = LocalModel(

@@ -29,7 +29,7 @@ import yaml
 from machine_floor import Floor
 from report import Row, write_report
 
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 
 ROOT = Path(__file__).resolve().parents[1]
 CORES = (0, 1)

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 from report import Row, Timing, parse, write_report
 
-from tests.gateway.hdapi_library import HdapiStandIn
+from tests.gateway.hdapi.hdapi_library import HdapiStandIn
 from trocar.protocol.bodies import LocalModel
-from trocar.services.gateway.instrument import Instrument, build_instruments
-from trocar.services.runtime import config, realtime
+from trocar.services.gateway.instruments.instrument import Instrument, build_instruments
+from trocar.services.runtime.config import config
+from trocar.services.runtime.realtime import realtime
 
 TICKS, SETTLE_TICKS, TICK_S = 10_000, 1000, 1e-3
 CALLBACK_S, SERVO_S = 100e-6, 50e-6

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.report import RESULTS, describe_run, parse
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.contact.laws import HAS_GAP
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.runtime.config import config_directory
+from trocar.services.runtime.config.config import config_directory
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.scenes.hands import hands_of
 from trocar.studies.judge.overlaps import BODIES, Depths, OverlapJudge

@@ -23,7 +23,7 @@ import numpy as np
 from contact_peers import mujoco_duct
 from report import Row, Timing, measure, write_report
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.effects.base import NoSettings
 from trocar.services.mechanics.effects.friction import FrictionSettings
 from trocar.services.mechanics.effects.gravity import GravitySettings
@@ -35,8 +35,8 @@ from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.duct_alone import DuctAlone
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
-from trocar.services.runtime import realtime
-from trocar.services.runtime.realtime import Fact
+from trocar.services.runtime.realtime import realtime
+from trocar.services.runtime.realtime.realtime import Fact
 from trocar.studies.paper_scene import paper_scene
 
 CORE, PRIORITY = 1, 60  # of physics in configs/rigs/stub.yaml

@@ -30,8 +30,8 @@ from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS, TOOL_COLUMNS
 from trocar.protocol.bodies.physics import REACTION_COLUMNS, Catheter, ContactForces, Duct
 from trocar.services.recordings.reader import read_frames
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Transport
 
 TOPICS = ("gateway.state", "haptics.contact_model", "haptics.contacts", "physics.state")
 MODES, PARTICLES, PAIRS = 100, 51, 12

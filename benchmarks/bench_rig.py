@@ -32,8 +32,6 @@ from report import RESULTS, Row, end_in_good_order, write_report
 from rig_threads import watch
 from watched_rig import STRESS
 
-from trocar.services.runtime.flight import flight_directory
-
 ROOT = Path(__file__).resolve().parents[1]
 LOADS = ("alone", "observers", "stress")
 _OBSERVERS = ("reads",) * 4 + ("stops",)
@@ -74,7 +72,7 @@ def run_rig(seconds: float, options: list[str], load: str) -> dict[str, Any]:
         )
         try:
             said = "".join(iter(lambda: _until_running(process), None))
-            with _beside(load, bus), Floor(seconds, flight_directory(bus)) as floor:
+            with _beside(load, bus), Floor(seconds) as floor:
                 threads = watch(process.pid, seconds - 2.0)
             said += process.communicate()[0]
         finally:

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.runtime import config
-from trocar.services.runtime.machine import processor_name
+from trocar.services.runtime.config import config
+from trocar.services.runtime.realtime.machine import processor_name
 from trocar.services.scenes import load_scene
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from report import RESULTS, commit
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.effects.softening import SofteningSettings
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.reduction.softening.training import fetch_softening

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 from report import Row, write_report
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.scenarios import PlayedScene, insertion
 from trocar.services.mechanics.simulation import Simulation

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from report import RESULTS, Row, end_in_good_order, write_report
 
-from trocar.services.supervisor.observers.thread_usage import threads_of
+from trocar.services.diagnosis.thread_usage import threads_of
 
 Taken = tuple[float, float]
 """Seconds to RUNNING, and seconds of processors."""

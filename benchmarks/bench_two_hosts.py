@@ -25,7 +25,7 @@ from tests.rig.conftest import Sample
 from tests.rig.faults import force_n, force_rates_n_s, rate_limit_n_s
 from tests.rig.two_hosts import FarRig, Hosts
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime.histogram import quantile_ns
+from trocar.services.runtime.measures.histogram import quantile_ns
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "two-hosts.md"
 PRESS_TICKS, SETTLE_S = 4200, 1.0

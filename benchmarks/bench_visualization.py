@@ -18,7 +18,7 @@ from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.physics import reaction_table
 from trocar.services.mechanics.scene import DuctScene, SceneModel
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
-from trocar.services.runtime import bus
+from trocar.services.runtime.bus import bus
 from trocar.services.visualization import codec
 from trocar.services.visualization.composer import TOPICS, Composer
 
@@ -28,7 +28,7 @@ _FRAMES = 100
 
 _RENDER = """
 import sys, time
-from trocar.services.runtime import bus
+from trocar.services.runtime.bus import bus
 from trocar.services.visualization import codec
 from trocar.services.visualization.render import Renderer
 size = (int(sys.argv[1]), int(sys.argv[2]))

@@ -54,7 +54,7 @@ def _stand_still(seconds: float, *_: object) -> None:
 def flood(fault: Fault) -> None:
     """Publish each fast frame more than once."""
     from trocar.protocol import topic
-    from trocar.services.runtime.zmq_bus import ZmqBus
+    from trocar.services.runtime.bus.zmq_bus import ZmqBus
 
     publish = ZmqBus.publish
 
@@ -89,7 +89,7 @@ def supervise() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     ).parse_known_args()
     from trocar.services.supervisor import __main__ as supervisor
-    from trocar.services.supervisor.processes import TABLE
+    from trocar.services.supervisor.crew.processes import TABLE
 
     path = os.pathsep.join((str(HERE.parent), str(HERE.parents[1])))
     table = tuple(

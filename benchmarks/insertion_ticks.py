@@ -9,7 +9,7 @@ beside a package that is installed elsewhere.
 
 from __future__ import annotations
 
-import trocar.services.entry  # first: the environment of a process
+import trocar.services.start.entry  # first: the environment of a process
 
 # isort: split
 import argparse
@@ -23,7 +23,7 @@ import numpy as np
 
 import trocar
 from trocar.services.mechanics.compiled import KERNELS
-from trocar.services.runtime import realtime
+from trocar.services.runtime.realtime import realtime
 
 #: Ticks before the measured ones: caches and branch predictors are warm.
 WARM_UP_TICKS = 200

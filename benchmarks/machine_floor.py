@@ -1,15 +1,13 @@
 """What the machine itself costs: late wake-ups of a thread that does next to nothing, above everything else.
 
-``python benchmarks/machine_floor.py CORE SECONDS [PHASES] [--from-s TIME]`` pins itself to a core at the highest
+``python benchmarks/machine_floor.py CORE SECONDS [--from-s TIME]`` pins itself to a core at the highest
 real-time priority that it can have and prints one JSON object. Run beside a rig it says which of the rig's late ticks
 nobody could have avoided: no process of the rig comes before it. It wakes every 5 ms, so that it costs the rig less
 than a switch in a hundred; a wake-up that is over a millisecond late meets a stall with the same probability as the
 deadline of a tick does. Each time it counts to a few hundred: how long that takes says how fast the core is just now,
 whoever shares it unseen.
 
-A wake-up in the midst of a tick costs that tick what it takes, and every fifth tick is a 99th percentile. PHASES is
-the file in which a rig says when in a millisecond nobody works on a core (`core_sleepers.Phases`): it then
-wakes there.
+Each wake-up is a quarter of a millisecond later in the rig's millisecond than the last, so that all of it is met alike.
 """
 
 from __future__ import annotations
@@ -23,10 +21,9 @@ import sys
 import time
 from pathlib import Path
 
-from trocar.services.supervisor.observers import core_sleepers
-from trocar.services.supervisor.observers.core_sleepers import Phases, pin_above_all
+from trocar.services.diagnosis.core_sleepers import pin_above_all
 
-PERIOD_NS, LATE_NS = 5_000_000, 1_000_000
+PERIOD_NS, LATE_NS = 5_250_000, 1_000_000
 _COUNTED = range(300)
 
 
@@ -42,25 +39,17 @@ def _quantile(values: list[int], share: float) -> float:
     return float(sorted(values)[min(len(values) - 1, int(share * len(values)))])
 
 
-def next_at(phase_ns: int, from_ns: int) -> int:
-    """Return the first time from `from_ns` on that is `phase_ns` into a period of the rig's loops."""
-    return from_ns + (phase_ns - from_ns) % core_sleepers.PERIOD_NS
-
-
-def watch(core: int, seconds: float, phases: Phases | None = None, from_s: float = 0.0) -> dict[str, float]:
+def watch(core: int, seconds: float, from_s: float = 0.0) -> dict[str, float]:
     """Sleep on an absolute grid and return what share of the wake-ups was over a millisecond late, and how long a
-    fixed piece of arithmetic took: median, and 99 % over median. The grid follows `phases`, and begins at `from_s` of
-    the monotonic clock, if that is still to come."""
+    fixed piece of arithmetic took: median, and 99 % over median. The grid begins at `from_s` of the monotonic clock,
+    if that is still to come."""
     if not pin_above_all(core):
         print("no real-time priority: this floor counts the rig's own work too", file=sys.stderr)
     gc.disable()
     late, worst_ns, ticks = 0, 0, round(seconds * 1e9 / PERIOD_NS)
     counted_ns: list[int] = []
-    due_ns, phase_ns = max(time.monotonic_ns(), int(1e9 * from_s)) + PERIOD_NS, -1
+    due_ns = max(time.monotonic_ns(), int(1e9 * from_s)) + PERIOD_NS
     for _ in range(ticks):
-        if phases is not None and phases[core] != phase_ns:
-            phase_ns = phases[core]
-            due_ns = next_at(phase_ns, due_ns)
         time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
         late_ns = time.monotonic_ns() - due_ns
         worst_ns = max(worst_ns, late_ns)
@@ -80,21 +69,18 @@ def watch(core: int, seconds: float, phases: Phases | None = None, from_s: float
 class Floor:
     """Watchers of both cores for as long as a ``with`` block lasts, at most `seconds`.
 
-    `rings` is the directory of the flight rings of the rig beside which they watch: there it says when nobody works.
     With `from_s`, a time of the monotonic clock, they are started before what they measure begins.
     """
 
-    def __init__(self, seconds: float, rings: Path | None = None, from_s: float = 0.0) -> None:
+    def __init__(self, seconds: float, from_s: float = 0.0) -> None:
         self._seconds, self._from_s = seconds, from_s
-        phases = None if rings is None else rings / core_sleepers.PHASES
-        self._phases = [str(phases)] if phases is not None and phases.exists() else []
         self.cores: list[dict[str, float]] = []
 
     def __enter__(self) -> Floor:
         command = [sys.executable, str(Path(__file__))]
         self._watchers = [
             subprocess.Popen(
-                [*command, str(core), str(self._seconds), *self._phases, "--from-s", str(self._from_s)],
+                [*command, str(core), str(self._seconds), "--from-s", str(self._from_s)],
                 stdout=subprocess.PIPE,
             )
             for core in sorted(os.sched_getaffinity(0))[:2]
@@ -109,7 +95,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("core", type=int)
     parser.add_argument("seconds", type=float)
-    parser.add_argument("phases", type=Path, nargs="?")
     parser.add_argument("--from-s", type=float, default=0.0, help="time of the monotonic clock at which it begins")
     asked = parser.parse_args()
-    print(json.dumps(watch(asked.core, asked.seconds, Phases(asked.phases) if asked.phases else None, asked.from_s)))
+    print(json.dumps(watch(asked.core, asked.seconds, asked.from_s)))

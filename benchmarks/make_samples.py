@@ -8,7 +8,7 @@ journals, states, contacts, log and pictures. A later version reads it by upgrad
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import io
@@ -25,10 +25,10 @@ from mcap.reader import make_reader
 from benchmarks.report import parse
 from trocar.protocol import PROTOCOL_VERSION, TOPICS, Frame
 from trocar.protocol.bodies import GatewayState, InstrumentState, SupervisorState
-from trocar.services.cache_directory import cache_directory
 from trocar.services.cli.rerun import Rerun
-from trocar.services.gateway.scene_hands import SceneHand, find_scene_hands
-from trocar.services.gateway.script import HANDLE, HIP, ROLL, Player
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.gateway.motions.scene_hands import SceneHand, find_scene_hands
+from trocar.services.gateway.motions.script import HANDLE, HIP, ROLL, Player
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.mechanics.scene.tool_orientation import tool_orientation
@@ -40,8 +40,8 @@ from trocar.services.recordings.chunks import OpenChunk
 from trocar.services.recordings.inputs import Intake
 from trocar.services.recordings.provenance import machine, mechanics_digest
 from trocar.services.recordings.scene_update import SceneDrawing
-from trocar.services.runtime import config
-from trocar.services.runtime.journal import JournalWriter
+from trocar.services.runtime.bus.journal import JournalWriter
+from trocar.services.runtime.config import config
 from trocar.services.scenes import load_duct, load_scene
 
 FOLDER = Path(__file__).parents[1] / "docs" / "examples" / "recordings"

@@ -36,7 +36,7 @@ import numpy as np
 from scipy import stats
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime.machine import processor_name
+from trocar.services.runtime.realtime.machine import processor_name
 
 RESULTS = Path(__file__).resolve().parent / "results"
 PACKAGES = ("numpy", "scipy", "numba", "msgspec", "msgpack", "pyzmq", "pyvista")

@@ -11,8 +11,8 @@ import time
 from pathlib import Path
 
 from trocar.protocol import TOPICS
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Transport
 
 
 def main(directory: str, what: str) -> None:

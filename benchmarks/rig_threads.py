@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from trocar.services.supervisor.observers.thread_usage import Counts, threads_of
+from trocar.services.diagnosis.thread_usage import Counts, threads_of
 
 _GONE = (FileNotFoundError, ProcessLookupError)
 _ORDINARY = (os.SCHED_OTHER, os.SCHED_BATCH, os.SCHED_IDLE)

@@ -1,4 +1,4 @@
-"""A core at a part of its speed: ``python benchmarks/slow_core.py CORE SECONDS SHARE [--deadline]``.
+"""A core at a part of its speed: ``python benchmarks/slow_core.py CORE SECONDS SHARE``.
 
 Pins itself to a core and computes for a share of every 0.487 ms at a real-time priority above everything of the
 rig, so that whatever else runs there gets the rest: a machine that is slower, not one that is busy, which real-time
@@ -6,10 +6,6 @@ threads would not notice. Says on standard output when it has begun.
 
 The period is no part of the rig's millisecond. At half a millisecond the load met every tick at the phase at which it
 happened to begin: the same work of the gateway took 50 us in one run and 300 in the next.
-
-Threads of SCHED_DEADLINE go before every other: with ``--deadline`` the load is one, too, and always due first. Such a
-thread is pinned to no core; of two cores at half speed, two of these take what one core has. The kernel counts what
-they reserve, so that a rig that starts beside them is admitted what a machine of that speed has.
 """
 
 from __future__ import annotations
@@ -19,12 +15,8 @@ import gc
 import os
 import time
 
-from trocar.services.runtime.scheduling import DEADLINE, set_attributes
-
 PERIOD_NS = 487_000
 PRIORITY = 94
-#: What is beside the loop itself counts, too.
-_OF_ITS_BUDGET = 0.97
 
 
 def burn(core: int, seconds: float, share: float) -> None:
@@ -49,27 +41,12 @@ def _burn(seconds: float, busy_ns: int) -> None:
         time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
 
 
-def burn_by_deadline(seconds: float, share: float) -> None:
-    """Take the share of some core for so long, before all others.
-
-    It stops by itself: the kernel looks at a budget once in its own tick, which may be 4 ms later.
-    Raises OSError: the kernel admits no such thread.
-    """
-    runtime_ns = round(share * PERIOD_NS)
-    set_attributes(0, DEADLINE, 0, runtime_ns=runtime_ns, period_ns=PERIOD_NS, deadline_ns=runtime_ns)
-    _burn(seconds, round(_OF_ITS_BUDGET * runtime_ns))
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, kind in (("core", int), ("seconds", float), ("share", float)):
         parser.add_argument(name, type=kind)
-    parser.add_argument("--deadline", action="store_true", help="a load for threads of SCHED_DEADLINE")
     given = parser.parse_args()
     try:
-        if given.deadline:
-            burn_by_deadline(given.seconds, given.share)
-        else:
-            burn(given.core, given.seconds, given.share)
+        burn(given.core, given.seconds, given.share)
     except OSError as error:
         raise SystemExit(f"slow_core: {error.strerror}: a real-time class is needed") from None

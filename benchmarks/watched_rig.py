@@ -30,8 +30,8 @@ from typing import Any, Self
 import httpx
 from report import Row
 
-from trocar.services.runtime.rig import Transport
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.supervisor.page.page_place import page_file
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # for what the tests have, too
@@ -293,8 +293,8 @@ class WatchedRig:
         return [text for _, text in told], [text for t, text in told if not self.history.is_true(text, t)]
 
     def rows(self, where: str, asked_percent: float = 0.2) -> list[Row]:
-        """Return what was counted: loops, floor, alarms, answers, the supervisor's own lateness."""
-        history, rows, bare_s = self.history, [], 0.0
+        """Return what was counted: loops, alarms, answers, the supervisor's own lateness."""
+        history, rows = self.history, []
         for loop in LOOPS[:4]:
             ticks = history.change(f'trocar_loop_iterations_total{{loop="{loop}"}}')
             misses = history.change(f'trocar_deadline_misses_total{{loop="{loop}"}}')
@@ -302,14 +302,6 @@ class WatchedRig:
             rows.append(Row(f"{loop}: late or lost ticks", 100.0 * misses / max(1.0, ticks, misses), "%", limit))
             lived_s = history.change(f'trocar_service_uptime_seconds{{service="{loop}"}}')  # of the counts' own reports
             rows.append(Row(f"{loop}: rate", ticks / max(1e-3, lived_s), "Hz"))
-        for core in range(len(os.sched_getaffinity(0))):
-            label = f'core="{core}"'
-            total = history.change(f"trocar_machine_lateness_seconds_count{{{label}}}")
-            late = history.over("trocar_machine_lateness_seconds", label, 1e-3)
-            rows.append(Row(f"machine floor, core {core}: late wake-ups", 100.0 * late / max(1.0, total), "%"))
-            worst_s = history.largest("trocar_machine_lateness", label)
-            bare_s = max(bare_s, worst_s)
-            rows.append(Row(f"machine floor, core {core}: latest wake-up", 1e3 * worst_s, "ms"))
         told, untrue = self.alarms()
         restarts = history.samples[-1].restarts - history.samples[0].restarts
         rows += [
@@ -317,8 +309,7 @@ class WatchedRig:
             Row("changes of state for the worse, and marks", len(told), ""),
             Row("of them false", len(untrue), "", 0.0),
             Row("supervisor: largest lateness",
-                1e3 * history.largest("trocar_loop_lateness", 'loop="supervisor"'), "ms", 20.0,
-                note=f"a bare thread above everybody: {1e3 * bare_s:.1f} ms"),
+                1e3 * history.largest("trocar_loop_lateness", 'loop="supervisor"'), "ms", 20.0),
             *(Row(f"/{path} answered, slowest", 1e3 * s, "ms", 1000.0) for path, s in self.answers_s.items()),
         ]  # fmt: skip
         return [Row(f"{where}: {row.name}", **{k: v for k, v in vars(row).items() if k != "name"}) for row in rows]

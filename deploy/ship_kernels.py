@@ -23,18 +23,18 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import numba
 import trimesh
 import zstandard
 
-from trocar.services import kernel_archive, kernel_cache
+from trocar.services.kernels import kernel_archive, kernel_cache
+from trocar.services.kernels.processor import numba_target, target_name
+from trocar.services.kernels.source_closure import Sources
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from trocar.services.processor import numba_target, target_name
-from trocar.services.runtime.process import Options, load_process_config
-from trocar.services.source_closure import Sources
+from trocar.services.runtime.process.process import Options, load_process_config
 
 #: The processes with kernels.
 PROCESSES = ("physics", "haptics", "gateway", "visualization")

@@ -52,6 +52,13 @@ def _state(name: str, readers: str, observers: str, body: type[msgspec.Struct], 
     )  # fmt: skip
 
 
+def _moment(process: str, readers: str, body: type[msgspec.Struct], version: int) -> Topic:
+    """Return the topic of a loop's moments, which are sent in simulated time only, see `services.runtime.tick_grid`."""
+    return Topic(
+        f"{process}.moment", process, tuple(readers.split()), (), body, version, 25.0, "every", 0.5, command=True
+    )
+
+
 def _health(process: str) -> Topic:
     reader = "recorder" if process == "supervisor" else "supervisor"
     return Topic(f"{process}.health", process, (reader,), (), health.Health, 1, 10.0, "latest", 0.5)
@@ -69,7 +76,21 @@ _ROWS = (
     _state("haptics.contact_model", "gateway", "recorder supervisor", haptics.ContactModel, 3),
     _state("haptics.contacts", "physics", "recorder training", haptics.ToolContacts, 5),
     _state("physics.state", "haptics", "visualization recorder training supervisor", physics.PhysicsState, 2),
-    Topic("visualization.hands", "visualization", ("gateway",), (), visualization.Hands, 1, 60.0, "latest", 0.25, True),
+    _moment("gateway", "training", gateway.GatewayState, 1),
+    _moment("haptics", "recorder training", haptics.ToolContacts, 5),
+    _moment("physics", "recorder training", physics.PhysicsState, 2),
+    Topic(
+        "visualization.hands",
+        "visualization",
+        ("gateway", "training"),
+        (),
+        visualization.Hands,
+        1,
+        60.0,
+        "latest",
+        0.25,
+        True,
+    ),
     Topic(
         "training.attempt",
         "training",

@@ -8,7 +8,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scenarios import PlayedScene, insertion
 from trocar.services.mechanics.scene import SceneModel
@@ -39,12 +39,12 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
 
     Three simulations, one with and two without, take every tick one after the other, in an order that turns, so that
     what else the machine does meets all alike. An effect that the scene has keeps its settings, another takes its
-    defaults, and one that does not go with it is left out of all three.
+    defaults.
     Raises ValueError: an effect that does not exist, or that this scene cannot have.
     """
     if name not in EFFECTS:
         raise ValueError(f"unknown effect '{name}'; known: {', '.join(EFFECTS)}")
-    stays = {other: kept for other, kept in scene.effects.items() if other != name and go_together(other, name)}
+    stays = {other: kept for other, kept in scene.effects.items() if other != name}
     bare = replace(scene, effects=stays)
     settings = scene.effects[name] if name in scene.effects else EFFECTS[name].kind.Settings()
     with_it = replace(scene, effects={**bare.effects, name: settings})

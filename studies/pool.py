@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 
-from trocar.services.runtime.autogroup import end_with_parent
+from trocar.services.runtime.realtime.autogroup import end_with_parent
 
 
 @contextmanager

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from trocar.services import kernel_cache
-from trocar.services.cache_directory import cache_directory
-from trocar.services.source_closure import Sources
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.kernels import kernel_cache
+from trocar.services.kernels.source_closure import Sources
 
 #: A worker of the mechanics holds 0.7 GB, and beyond four the longest file decides.
 _MOST_WORKERS = 4
@@ -36,7 +36,7 @@ _ALONE = ("-m", "rig")
 _NOTHING_CHOSEN = 5
 _PREPARE = """
 import importlib, sys
-from trocar.services.runtime.process import Options, load_process_config
+from trocar.services.runtime.process.process import Options, load_process_config
 name, scene = sys.argv[1:]
 process = importlib.import_module(f"trocar.services.{name}.__main__")
 process.prepare(load_process_config(name, Options("stub", scene, ())))

@@ -21,11 +21,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-import trocar.services.entry  # noqa: F401  first of all: kernels and threads as in a process of the rig
+import trocar.services.start.entry  # noqa: F401  first of all: kernels and threads as in a process of the rig
 from tests.by_day import LONG
-from trocar.services import kernel_cache
-from trocar.services.cache_directory import cache_directory
-from trocar.services.source_closure import Sources
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.kernels import kernel_cache
+from trocar.services.kernels.source_closure import Sources
 
 #: The modules that make entries of the cache: their results follow from these and from what they import.
 MAKERS = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from trocar.protocol.bodies import Health
-from trocar.services.runtime.health import HealthReporter
+from trocar.services.runtime.process.health import HealthReporter
 
 
 def report_of(reporter: HealthReporter) -> Health:

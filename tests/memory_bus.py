@@ -10,8 +10,8 @@ import msgspec
 
 import trocar.protocol.bodies as bodies
 from trocar.protocol import Frame, topic
-from trocar.services.runtime import bus
-from trocar.services.runtime.frame_batches import join
+from trocar.services.runtime.bus import bus
+from trocar.services.runtime.bus.frame_batches import join
 
 
 class MemoryHub:
@@ -27,7 +27,7 @@ class MemoryHub:
 
 
 class MemoryBus:
-    """Same behaviour as `trocar.services.runtime.zmq_bus.ZmqBus`, without sockets and without waiting."""
+    """Same behaviour as `trocar.services.runtime.bus.zmq_bus.ZmqBus`, without sockets and without waiting."""
 
     def __init__(
         self,

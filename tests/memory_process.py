@@ -15,9 +15,10 @@ from tests import memory_bus
 from tests.memory_bus import MemoryBus, MemoryHub
 from trocar.protocol import TOPICS
 from trocar.protocol.topics import published_by, read_by
-from trocar.services.gateway import instrument
-from trocar.services.runtime import bus, health
-from trocar.services.runtime.health import HealthReporter
+from trocar.services.gateway.instruments import instrument
+from trocar.services.runtime.bus import bus
+from trocar.services.runtime.process import health
+from trocar.services.runtime.process.health import HealthReporter
 
 
 @dataclass

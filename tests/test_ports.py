@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tests import ports
 from trocar.protocol.topics import TOPICS
-from trocar.services.runtime.frame_batches import batch_endpoint
+from trocar.services.runtime.bus.frame_batches import batch_endpoint
 
 _SAYS = "from tests.ports import base_port, free_port; print(base_port(0), free_port())"
 

@@ -14,20 +14,20 @@ import trocar.services.gateway.__main__ as gateway_process
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess, in_time_of
 from trocar.protocol.bodies import GatewayState, PhysicsState
-from trocar.services.cache_directory import cache_directory
-from trocar.services.gateway.driver import GraspHandle
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.gateway.devices.driver import GraspHandle
 from trocar.services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
-from trocar.services.gateway.scene_hands import SceneHands
-from trocar.services.gateway.script import HANDLE
-from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.gateway.motions.scene_hands import SceneHands
+from trocar.services.gateway.motions.script import HANDLE
+from trocar.services.gateway.servo.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from trocar.services.haptics import __main__ as haptics_process
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from trocar.services.physics import __main__ as physics_process
-from trocar.services.runtime import config
-from trocar.services.runtime.loop import LoopMeter, Tick, TickClock
+from trocar.services.runtime.config import config
+from trocar.services.runtime.loop.loop import LoopMeter, Tick, TickClock
 
 TICK_NS = 1_000_000
 RATE_N_S, LIMIT_N = 200.0, 3.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.bodies.catheter import CatheterBody
 from trocar.services.mechanics.bodies.duct import DuctBody

@@ -13,7 +13,7 @@ _NO_COUNTS = Array("<i4", (0,), b"")
 
 
 class Histogram(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Counts in log buckets anchored at `deadline_ns`; trocar.services.runtime.histogram has the edges."""
+    """Counts in log buckets anchored at `deadline_ns`; trocar.services.runtime.measures.histogram has the edges."""
 
     deadline_ns: Annotated[int, Meta(gt=0, description="itself a bucket edge, so that miss ratios are exact")]
     counts: Annotated[Array, spec("<i8", ("buckets",), "1")]
@@ -68,7 +68,8 @@ class PathLatency(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 class StageCost(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """What one stage of a tick cost: mean and maximum since the last report, counts since the start.
 
-    The buckets of `counts` are those of trocar.services.runtime.stage_times; it is empty if the process does not count.
+    The buckets of `counts` are those of trocar.services.runtime.measures.stage_times; it is empty if the process
+    does not count.
     """
 
     name: Annotated[str, Meta(max_length=64)]

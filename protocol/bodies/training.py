@@ -48,3 +48,11 @@ class Attempt(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     bookmarks_s: Annotated[tuple[float, ...], Meta(max_length=64)] = ()
     answers: Annotated[tuple[Answer, ...], Meta(max_length=8, description="to the last orders")] = ()
     score: Annotated[float, Meta(description="total of an attempt that is done, in s; -1: none")] = -1.0
+    from_tick: Annotated[int, Meta(ge=-1, description="first tick that is judged, -1 none yet")] = -1
+    until_tick: Annotated[int, Meta(ge=-1, description="last tick judged so far, -1 none yet")] = -1
+    simulated_time: Annotated[bool, Meta(description="late ticks slow the rig's time down, and none is lost")] = False
+    speed: Annotated[float, Meta(ge=0.0, description="of the rig's time against the clock, over some seconds")] = 1.0
+    practice_only: Annotated[
+        str, Meta(max_length=256, description="why an attempt would not count now, and what to do; empty: it would")
+    ] = ""
+    examined: Annotated[bool, Meta(description="no hint is given, and no error told before the end")] = False

@@ -26,3 +26,4 @@ class Hands(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     begins: Annotated[
         int, Meta(ge=0, description="gateway.state's, as the page knows it; frames with an older one are ignored")
     ] = 0
+    pictures_hz: Annotated[float, Meta(description="pictures a second that this page shows; negative: unknown")] = -1.0

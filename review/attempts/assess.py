@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
@@ -17,6 +18,7 @@ from trocar.review.attempts.faults import FaultLog
 from trocar.review.attempts.metrics import TISSUE_LIMITS, metrics_of
 from trocar.review.attempts.trace import Trace
 from trocar.services.runtime.errors import UserError
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
 from trocar.services.training.judge import Judge
 from trocar.services.training.scenario import Scenario
 from trocar.services.training.score import Band, ScoreRules, score_of
@@ -33,6 +35,8 @@ _LONGEST_S = 86_400.0
 _LATE = ("degraded", "safe_stop")
 #: A recording begins some moments before the first word of `training.attempt`: they are no attempt.
 _HEAD_S = 5.0
+#: For so long an attempt may have gone on before it is told of.
+_BEFORE_NS = 2_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +59,11 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
     running: _Running | None = None
     told = False
     first_ns: int | None = None
+    before: deque[Message] = deque()
     for topic, time_ns, body in messages:
+        before.append((topic, time_ns, body))
+        while time_ns - before[0][1] > _BEFORE_NS:
+            before.popleft()
         first_ns = time_ns if first_ns is None and isinstance(body, GatewayState) else first_ns
         if isinstance(body, Attempt):
             if not told and running is not None and running.time_s < _HEAD_S:
@@ -66,6 +74,7 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
                 running = None
             if running is None and body.state == "running":
                 running = _Running(terms, source, (time_ns, time_ns - (first_ns or time_ns)), body)
+                running.take_earlier(before)
         elif running is None and not told and isinstance(body, GatewayState):
             running = _Running(terms, source, (time_ns, 0), None)
         if running is not None:
@@ -84,21 +93,49 @@ class _Running:
         self._judge = Judge(self._scenario, terms.site)
         self._trace = Trace()
         self._rig = _RigWatch()
+        self._waiting: list[Message] = []
+        self._slowest = 1.0
 
     @property
     def time_s(self) -> float:
         """For how long it goes on."""
         return self._judge.procedure.time_s
 
+    def take_earlier(self, messages: Iterable[Message]) -> None:
+        """Take those messages from before it was told that belong to it: from the first tick on that is judged."""
+        if self._told is not None and self._told.from_tick >= 0:
+            self._waiting += [each for each in messages if getattr(each[2], "tick", -1) >= self._told.from_tick]
+
     def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
-        """Take a frame of any topic."""
+        """Take a frame of any topic; those of the loops wait until it is told that they are judged."""
         if isinstance(body, Attempt):
             self._told = body
+            self._slowest = min(self._slowest, body.speed)
+            self._take_waiting(body.until_tick if body.until_tick >= 0 else None)
         elif isinstance(body, SupervisorState):
-            self._rig.take_word(body)
-        elif isinstance(body, GatewayState):
-            self._rig.take_devices(body)
-            self._trace.take_devices(body)
+            self._rig.take_word(body, is_felt=self._told is None or not self._told.simulated_time)
+        elif self._told is not None and self._told.from_tick >= 0:
+            self._waiting.append((topic, time_ns, body))
+        else:
+            self._judge_frame(topic, time_ns, body)
+
+    def _take_waiting(self, until_tick: int | None) -> None:
+        """Judge the frames up to a tick, or all."""
+        waiting, self._waiting = self._waiting, []
+        for each in waiting:
+            if until_tick is None or getattr(each[2], "tick", -1) <= until_tick:
+                self._judge_frame(*each)
+            else:
+                self._waiting.append(each)
+
+    def _judge_frame(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
+        if isinstance(body, GatewayState):
+            if self._told is not None and self._told.simulated_time:  # no tick is lost, and moments tell the motion
+                if body.tick % EVERY_TICKS == 0:
+                    self._trace.take_devices(body)
+            else:
+                self._rig.take_devices(body)
+                self._trace.take_devices(body)
         elif isinstance(body, PhysicsState):
             self._rig.take_physics(body)
         situation = self._judge.take(topic, time_ns, body)
@@ -108,6 +145,7 @@ class _Running:
     def end(self, told: Attempt | None) -> Assessment:
         """Return what is known; `told` is the word that ended it, None where the stream did."""
         ended = told if told is not None and told.attempt_id == self.attempt_id else None
+        self._take_waiting(ended.until_tick if ended is not None and ended.until_tick >= 0 else None)
         last = ended or self._told
         outcome = "incomplete" if told is None else "abandoned"
         if ended is not None and ended.state == "done":
@@ -152,6 +190,10 @@ class _Running:
             par=dict(scenario.par),
             not_judged=self._not_judged(),
             series=series_of(columns, TISSUES),
+            from_tick=told.from_tick if told else -1,
+            simulated_time=told.simulated_time if told else False,
+            slowest=self._slowest,
+            examined=told.examined if told else False,
         )
 
     def _why_not(self, told: Attempt | None, rig: RigQuality) -> tuple[str, ...]:
@@ -183,9 +225,11 @@ class _RigWatch:
         self._level = 0
         self._faults = FaultLog()
 
-    def take_word(self, body: SupervisorState) -> None:
+    def take_word(self, body: SupervisorState, *, is_felt: bool) -> None:
+        """Take what the supervisor says; nobody feels late ticks in simulated time, which loses none."""
         self._level = max(self._level, body.quality_level)
-        is_at_fault = body.state in _LATE or (body.safe_stop and body.state != "off")
+        is_stopped = body.state == "safe_stop" or (body.safe_stop and body.state != "off")
+        is_at_fault = is_stopped or (is_felt and body.state in _LATE)
         self._faults.take((body.reason or body.state) if is_at_fault else "")
 
     def take_devices(self, body: GatewayState) -> None:

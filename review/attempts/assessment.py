@@ -52,6 +52,9 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
         why_not: Why it does not count; nothing where it does.
         par: What the simulated hands reach at the scenario, by metric.
         not_judged: What could not be told from the recording.
+        from_tick: The rig's tick at second 0; -1 if unknown.
+        simulated_time, slowest: Whether late ticks slowed the rig's time down, and its slowest speed against the clock.
+        examined: Whether nobody helped: no hint, and no word of an error before the end.
     """
 
     attempt_id: str
@@ -78,6 +81,10 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     par: dict[str, float] = {}
     not_judged: tuple[str, ...] = ()
     series: Series = Series()
+    from_tick: int = -1
+    simulated_time: bool = False
+    slowest: float = 1.0
+    examined: bool = False
 
     @property
     def counts(self) -> bool:

@@ -20,7 +20,7 @@ import msgspec
 
 from trocar.review.attempts.assessment import Assessment
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.web_client import open_url
+from trocar.services.runtime.web.web_client import open_url
 
 _NAMESPACE = uuid.UUID("6f1f63a4-0c53-4bb0-9a67-2a1f6f9d7f0e")
 _VERBS = "http://adlnet.gov/expapi/verbs/"

@@ -12,14 +12,21 @@ from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
-from starlette.routing import Route
+from starlette.routing import Mount, Route
+from starlette.types import Receive, Scope, Send
 
+from trocar.review.classroom.desk import Act, Desk, live_picture
 from trocar.review.classroom.roll import ClassRig, load_roll
 from trocar.review.classroom.scores import Scores
 from trocar.review.classroom.watch import Watch
+from trocar.review.school.app import ROLE
+from trocar.review.school.app import build_app as build_school
+from trocar.review.school.bench import Bench
+from trocar.review.school.courses import course_names
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.web_headers import SafeHeaders, policy_of_text
-from trocar.services.runtime.web_host import KnownHost, listen
+from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_text
+from trocar.services.runtime.web.web_host import KnownHost, listen
+from trocar.services.training.scenario import scenario_names
 
 #: Nobody else reads the class page, and no browser keeps it.
 _ALONE = {
@@ -40,7 +47,14 @@ class Classroom:
         self._watches: dict[ClassRig, Watch] = {}
         self.roll = load_roll(file)
         self._scores = Scores(lambda: self.roll)
+        self.desk = Desk(file.with_suffix(".journal"))
+        self.school = Bench(self.roll.database, journal=file.with_suffix(".school.journal"))
         self._follow()
+
+    @property
+    def watches(self) -> list[Watch]:
+        """What follows the rigs, in the order of the file."""
+        return list(self._watches.values())
 
     def _follow(self) -> None:
         """Follow the rigs that the file names, and no others."""
@@ -118,7 +132,56 @@ def build_app(classroom: Classroom) -> Starlette:
             return JSONResponse({"error": str(error)}, 503)
         return Response(image, media_type="image/png")
 
-    routes = [Route("/", page), Route("/api/class", state), Route("/api/picture/{name}", picture)]
+    async def live(request: Request) -> Response:
+        if is_refused(request):
+            return JSONResponse({"error": "the token of the class is needed"}, 403)
+        watch = classroom.watch(request.path_params["name"])
+        if watch is None:
+            return JSONResponse({"error": "there is no such rig"}, 404)
+        try:
+            image = await run_in_threadpool(live_picture, watch, classroom.roll.token)
+        except UserError as error:
+            return JSONResponse({"error": str(error)}, 503)
+        return Response(image, media_type="image/jpeg")
+
+    async def act(request: Request) -> Response:
+        if is_refused(request):
+            return JSONResponse({"error": "the token of the class is needed"}, 403)
+        try:
+            asked = msgspec.json.decode(await request.body(), type=Act)
+            done = await run_in_threadpool(classroom.desk.carry_out, asked, classroom.watches, classroom.roll.token)
+        except msgspec.DecodeError as error:
+            return JSONResponse({"error": f"the act cannot be read: {error}"}, 400)
+        except UserError as error:
+            return JSONResponse({"error": str(error)}, 409)
+        return Response(msgspec.json.encode({"outcomes": done}), media_type="application/json")
+
+    async def journal(request: Request) -> Response:
+        if is_refused(request):
+            return JSONResponse({"error": "the token of the class is needed"}, 403)
+        return Response(msgspec.json.encode(classroom.desk.journal()), media_type="application/json")
+
+    async def choices(_request: Request) -> Response:
+        return JSONResponse({"scenarios": scenario_names(), "courses": course_names()})
+
+    school = build_school(classroom.school)
+
+    async def as_instructor(scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on to the school, as an instructor's, if it has the token of the class."""
+        if scope["type"] == "http" and is_refused(Request(scope)):
+            await JSONResponse({"error": "the token of the class is needed"}, 403)(scope, receive, send)
+            return
+        if classroom.roll.database is None:
+            await JSONResponse({"error": "the file of the class names no `database`"}, 409)(scope, receive, send)
+            return
+        headers = [each for each in scope.get("headers", []) if each[0] != ROLE.encode()]
+        await school({**scope, "headers": [*headers, (ROLE.encode(), b"instructor")]}, receive, send)
+
+    routes = [
+        Route("/", page), Route("/api/class", state), Route("/api/picture/{name}", picture),
+        Route("/api/live/{name}", live), Route("/api/act", act, methods=["POST"]), Route("/api/journal", journal),
+        Route("/api/choices", choices), Mount("/school", as_instructor),
+    ]  # fmt: skip
     policy = policy_of_text(html, "connect-src 'self'", "img-src blob:")
     headers = Middleware(SafeHeaders, policy=policy, also=_ALONE)
     return Starlette(routes=routes, middleware=[headers, Middleware(KnownHost)])

@@ -10,9 +10,9 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field, model_validator
 
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Settings
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.rig import Settings
 
 
 def _is_page(address: str) -> str:

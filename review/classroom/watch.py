@@ -15,7 +15,7 @@ import msgspec
 
 from trocar.review.classroom.roll import ClassRig
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.web_client import open_connection
+from trocar.services.runtime.web.web_client import open_connection
 
 PERIOD_S = 1.0
 #: A page that has not answered for so long is shown as silent: what is known of the rig is old.
@@ -52,6 +52,12 @@ class _Attempt(msgspec.Struct, frozen=True):
     depth_m: float = 0.0
     goal_depth_m: float = 0.0
     errors: dict[str, int] = {}
+    scenario: str = ""
+    pace: float = 1.0
+    speed: float = 1.0
+    counts: bool = True
+    practice_only: str = ""
+    examined: bool = False
 
 
 class RigState(msgspec.Struct, frozen=True):
@@ -62,6 +68,8 @@ class RigState(msgspec.Struct, frozen=True):
     processes: tuple[_Process, ...] = ()
     paths: tuple[_Path, ...] = ()
     attempt: _Attempt | None = None
+    incarnation: int = 0
+    t: float = 0.0
 
     def late(self) -> tuple[str, ...]:
         """Return the loops and paths that do not keep their contracts."""
@@ -127,6 +135,12 @@ class Watch:
             state.attempt, self._last_score(self.place.trainee), silent_s if is_silent else 0.0,
             fault if is_silent else "",
         )  # fmt: skip
+
+    def run_time(self) -> tuple[int, float]:
+        """Return the run of the rig that was seen last, and its time now."""
+        heard_s = self._heard_s
+        since_s = 0.0 if heard_s is None else time.monotonic() - heard_s
+        return self._state.incarnation, self._state.t + since_s
 
     def picture(self) -> bytes:
         """Wait for a picture of the rig and return it as PNG.

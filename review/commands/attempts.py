@@ -18,8 +18,8 @@ from trocar.review.attempts.curve import cusum, learning_curve
 from trocar.review.attempts.statements import Endpoint, as_lines, statement
 from trocar.review.attempts.store.attempts import Listed, Store, StoreError, UnknownError
 from trocar.review.attempts.store.recordings import Erased, Plan
-from trocar.services.atomic_file import atomic_file
 from trocar.services.cli import targets
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.training.score import load_rules
 

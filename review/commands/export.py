@@ -12,7 +12,7 @@ import numpy as np
 
 from trocar.protocol import TOPICS
 from trocar.review.export.tables import Columns, read_columns
-from trocar.services.nearest_word import did_you_mean
+from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 
 #: Entry points of what is built upon this package.

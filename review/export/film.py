@@ -17,7 +17,7 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.inputs import RecordedInputs
 from trocar.services.recordings.reader import read_extras, read_frames
-from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.visualization.composer import Composer
 

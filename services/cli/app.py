@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import functools
@@ -29,7 +29,7 @@ app = PlainTyper(
 )  # fmt: skip
 VERBS = "trocar.verbs"
 #: Options that may be given again.
-_LISTS = "overrides", "files", "topics", "names"
+_LISTS = "overrides", "files", "topics", "names", "held"
 
 config_app = PlainTyper(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
@@ -93,6 +93,30 @@ class Viewer(StrEnum):
     NONE = "none"
 
 
+class SurfaceIs(StrEnum):
+    """What of a duct's wall a surface is."""
+
+    LUMEN = "lumen"
+    MIDDLE = "middle"
+
+
+class Unit(StrEnum):
+    """Units of length of surface files."""
+
+    M = "m"
+    CM = "cm"
+    MM = "mm"
+    UM = "um"
+    IN = "in"
+
+
+class Axes(StrEnum):
+    """Axes of a patient: the first points to the left and the second to the back, or to the right and the front."""
+
+    LPS = "LPS"
+    RAS = "RAS"
+
+
 class AttemptVerb(StrEnum):
     """What may be asked of the attempt that is being made."""
 
@@ -120,7 +144,7 @@ def up(
     overrides: Overrides = None,
 ) -> None:
     """Start the whole rig and stay with it until Ctrl-C."""
-    from trocar.services.supervisor.fork_link import ForkServer
+    from trocar.services.supervisor.crew.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:  # first: it imports on another core than all that follows
         from trocar.services.cli.up import Request, run_up
@@ -148,11 +172,12 @@ def top(
 @_verb("cli.latency:run_latency")
 def latency(
     files: Annotated[
-        list[Path] | None, typer.Argument(help="Files that a rig wrote after missed ticks; default: the running rig.")
+        list[Path] | None, typer.Argument(help="Files written with `--save`; default: the running rig.")
     ] = None,
     rig: Rig = "stub",
     worst: Annotated[int, typer.Option(min=1, help="How many ticks to show.")] = 12,
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write a trace for ui.perfetto.dev.")] = None,
+    save: Annotated[Path | None, typer.Option("--save", help="Write the ticks into a file, to look at later.")] = None,
     as_json: Json = False,
     overrides: Overrides = None,
 ) -> None:
@@ -249,7 +274,7 @@ def replay(
         from trocar.services.cli.replay import run_check
 
         return run_check(file, json)
-    from trocar.services.supervisor.fork_link import ForkServer
+    from trocar.services.supervisor.crew.fork_link import ForkServer
 
     with closing(ForkServer()) as fork_server:
         from trocar.services.cli.replay import ReplayRequest, run_replay
@@ -276,6 +301,51 @@ def scenes(as_json: Json = False) -> None:
 @_verb("cli.tissues:run_tissues")
 def tissues(as_json: Json = False) -> None:
     """List the walls that a scene can name as `duct.tissue`: every value with its range and source."""
+
+
+@_verb("cli.anatomy:run_anatomy")
+def anatomy(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A labelled volume (.seg.nrrd, NRRD, NIfTI, MetaImage, DICOM-SEG) or a surface (STL, OBJ, PLY, VTP)."
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="Folder to write; default: NAME-scene in this one.")] = None,
+    label: Annotated[str | None, typer.Option(help="Name or number of the duct's label in a volume.")] = None,
+    wall: Annotated[str | None, typer.Option(help="Label of the wall, from which its thickness is measured.")] = None,
+    thickness_mm: Annotated[float | None, typer.Option(callback=finite, help="Of the wall.")] = None,
+    surface_is: Annotated[
+        SurfaceIs, typer.Option(help="What label or surface are: the lumen, or the middle of the wall.")
+    ] = SurfaceIs.LUMEN,
+    unit: Annotated[Unit, typer.Option(help="Of a surface's coordinates.")] = Unit.MM,
+    axes: Annotated[
+        Axes | None, typer.Option(help="Of a surface; default: as its file says (3D Slicer's do), else LPS.")
+    ] = None,
+    mouth: Annotated[
+        str | None, typer.Option(help="End that the catheter enters: its name, or x,y,z in mm in LPS axes.")
+    ] = None,
+    held: Annotated[
+        list[str] | None, typer.Option(help="End that is held; may be given again; default: all others.")
+    ] = None,
+    names: Annotated[
+        list[str] | None, typer.Option("--name", metavar="END=NAME", help="Name an end; may be given again.")
+    ] = None,
+    edge_mm: Annotated[
+        float | None, typer.Option(callback=finite, help="Edge of the shell's mesh; default: by the narrowest lumen.")
+    ] = None,
+    edit: Annotated[
+        bool, typer.Option("--edit", help="Serve a page on which mouth, held ends, ports and goal are picked by mouse.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of that page; 0: a free one.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Make a scene from a segmentation or a surface of a patient: surface, scene file, picture, report."""
+
+
+@_verb("cli.catheters:run_catheters")
+def catheters(as_json: Json = False) -> None:
+    """List the catheters and guide wires that a scene can name as `product`: every value with its range and source."""
 
 
 @_verb("cli.attempt:run_scenarios")

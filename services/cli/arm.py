@@ -9,14 +9,14 @@ import urllib.error
 import urllib.request
 from typing import Any, NamedTuple
 
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import BusError, UserError
 from trocar.services.runtime.private_directory import open_text
-from trocar.services.runtime.rig import Rig
-from trocar.services.runtime.web_client import open_url
-from trocar.services.supervisor.commands import Command, What
-from trocar.services.supervisor.control import ask
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.runtime.web.web_client import open_url
+from trocar.services.supervisor.control.commands import Command, What
+from trocar.services.supervisor.page.command_socket import ask
+from trocar.services.supervisor.page.page_place import page_file
 
 PATIENCE_S = 3.0
 WHO = "the command line"

@@ -9,9 +9,9 @@ from typing import Any
 
 import trocar.protocol.bodies as bodies
 from trocar.services.cli.arm import WHO, page_of, print_answer, state_at
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import BusError, ConfigError
-from trocar.services.supervisor.commands import Command
+from trocar.services.supervisor.control.commands import Command
 from trocar.services.training.scenario import Scenario, load_scenario, scenario_names
 
 

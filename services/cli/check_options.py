@@ -12,14 +12,15 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
-from trocar.services.cache_directory import cache_directory
-from trocar.services.gateway.instrument import build_instruments
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.gateway.instruments.instrument import build_instruments
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.nearest_word import did_you_mean
-from trocar.services.runtime import config, endpoints, keys
+from trocar.services.messages.nearest_word import did_you_mean
+from trocar.services.runtime.bus import endpoints, keys
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig
+from trocar.services.runtime.config.scene_requirements import scene_requirements
 from trocar.services.runtime.errors import ConfigError, UserError
-from trocar.services.runtime.rig import Rig
-from trocar.services.runtime.scene_requirements import scene_requirements
 from trocar.services.scenes import check_duct, scene_file_type, scene_origins
 
 T = TypeVar("T")

@@ -8,14 +8,14 @@ from typing import Any
 
 from trocar.protocol.topics import TICK_S
 from trocar.services.cli.host_checks import CheckResult, finding
-from trocar.services.gateway.device_files import ArmFile, DeviceFile, GraspFile, GripperFile
-from trocar.services.gateway.instrument import WRITE_SPAN
-from trocar.services.gateway.servo_arrays import FLIGHTS
-from trocar.services.runtime import config
-from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.gateway.devices.device_files import ArmFile, DeviceFile, GraspFile, GripperFile
+from trocar.services.gateway.instruments.instrument import WRITE_SPAN
+from trocar.services.gateway.servo.servo_arrays import FLIGHTS
+from trocar.services.runtime.bus.endpoints import lock_holders
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import DriverSettings, Rig
 from trocar.services.runtime.errors import BusError, ConfigError
-from trocar.services.runtime.rig import DriverSettings, Rig
-from trocar.services.runtime.zmq_bus import ZmqBus
 
 _HEALTH = "gateway.health"
 _ANY_DEVICE: Any = DeviceFile  # a union, which is no class

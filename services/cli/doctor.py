@@ -15,11 +15,11 @@ from trocar.services.cli import host_checks, probes
 from trocar.services.cli.delay_checks import delays
 from trocar.services.cli.host_checks import CheckResult, Verdict
 from trocar.services.cli.validation import RefusedError, validate
-from trocar.services.exit_codes import ExitCode
-from trocar.services.gateway.driver import check_host
-from trocar.services.runtime import config
-from trocar.services.runtime.endpoints import lock_holders
-from trocar.services.runtime.rig import Rig
+from trocar.services.gateway.drivers import check_host
+from trocar.services.messages.exit_codes import ExitCode
+from trocar.services.runtime.bus.endpoints import lock_holders
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig
 
 _MARKS = {Verdict.OK: "[green]ok[/]", Verdict.WARN: "[yellow]warn[/]", Verdict.FAIL: "[red]fail[/]"}
 

@@ -11,15 +11,16 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from trocar.services.runtime import config, endpoints
-from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.bus.endpoints import lock_holders
+from trocar.services.runtime.bus.stop_line import stop_path
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig, Transport
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.flight import remove_rings
-from trocar.services.runtime.rig import Rig, Transport
-from trocar.services.runtime.stop_line import stop_path
+from trocar.services.runtime.measures.flight import remove_rings
 from trocar.services.supervisor import frozen_configuration
-from trocar.services.supervisor.control import control_path
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.supervisor.page.command_socket import control_path
+from trocar.services.supervisor.page.page_place import page_file
 
 _SUPERVISOR_S = 15.0  # it ends five processes, each of which may take five seconds
 _END_S = 5.0

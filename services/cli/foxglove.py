@@ -14,17 +14,18 @@ from typing import Any
 
 from trocar.protocol import TOPICS, Frame
 from trocar.protocol.topics import observed_by, read_by
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.recorder.picture import PictureRecorder
 from trocar.services.recordings.channels import channel_name
 from trocar.services.recordings.scene_update import SCHEMAS, SceneDrawing, descriptor
 from trocar.services.recordings.schema import PACKAGE, file_descriptor
 from trocar.services.recordings.transcode import to_protobuf
-from trocar.services.runtime import config, web_certificate
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import LOOPBACK, Rig
 from trocar.services.runtime.errors import BusError, ConfigError, MissingPackageError, UserError
-from trocar.services.runtime.rig import LOOPBACK, Rig
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.web import web_certificate
 from trocar.services.scenes import load_duct, load_scene
 
 #: How long a turn waits for a frame: longer than the period of sampled topics.

@@ -19,16 +19,16 @@ from pathlib import Path
 
 from packaging.specifiers import SpecifierSet
 
-from trocar.services.cache_directory import cache_directory
 from trocar.services.cli import preemption
-from trocar.services.extras import how_to_get
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.messages.extras import how_to_get
 from trocar.services.recordings.place import fault_of_folder, nearest_there
-from trocar.services.runtime import endpoints
-from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.bus.endpoints import lock_holders
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
-from trocar.services.runtime.rig import Rig
-from trocar.services.supervisor.page_place import DIST
+from trocar.services.runtime.realtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
+from trocar.services.supervisor.page.page_place import DIST
 
 _NEEDED = ("numpy", "scipy", "numba", "zmq", "msgspec", "msgpack", "can", "pydantic", "yaml")
 _SHOWN = ("trocar", "numpy", "scipy", "numba", "pyzmq", "msgspec")
@@ -94,7 +94,7 @@ def scheduling() -> Iterator[CheckResult]:
     cores = len(os.sched_getaffinity(0))
     advice = f"two cores or more: the stub rig pins its loops to cores 0 and 1: {_PAGE}#cpuset"
     yield finding("cores", cores >= 2, str(cores), advice)
-    yield _ladder()
+    yield _scheduling_class()
     yield _memlock()
     yield _preemption()
     slack = Path("/proc/self/timerslack_ns")
@@ -127,22 +127,21 @@ def _memlock() -> CheckResult:
     return finding("memlock", enough, shown, advice)
 
 
-def _ladder() -> CheckResult:
-    """Say which scheduling classes a loop is granted; it takes the first of them."""
+def _scheduling_class() -> CheckResult:
+    """Say which scheduling class a loop is granted."""
     script = (
-        "import json; from trocar.services.runtime.scheduling import SchedulingRequest, rungs_granted; "
-        "print(json.dumps(rungs_granted(SchedulingRequest(80, 0.7, 0))))"
+        "import json; from trocar.services.runtime.realtime.scheduling import Scheduling, SchedulingRequest; "
+        "asked = Scheduling.request(SchedulingRequest(80, 0.7)); print(json.dumps([asked.had, asked.refused]))"
     )
     tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    rungs: dict[str, str] = json.loads(tried.stdout)
+    had, refused = json.loads(tried.stdout)
     allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     advice = (
         f"rtprio 90 in /etc/security/limits.conf (now {allowed}) and a new login; in a container: cap_add SYS_NICE and "
         "ulimits rtprio, and on kernels with RT_GROUP_SCHED a cpu.rt_runtime_us for its cgroup; until then the loops "
-        f"take the first of what is granted: {_PAGE}#rtprio"
+        f"take {had}: {_PAGE}#rtprio"
     )
-    found = "; ".join(f"{name}: {said}" for name, said in rungs.items())
-    return finding("scheduling classes", rungs["fifo"].startswith("granted"), found, advice)
+    return finding("scheduling class", not refused, "; ".join([f"{had} is granted", *refused]), advice)
 
 
 def storage(rig: Rig) -> Iterator[CheckResult]:

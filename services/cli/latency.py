@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from trocar.services.cli import targets
-from trocar.services.cli.incidents import (
+from trocar.services.diagnosis.bad_ticks import (
     FLOOR_LATE_NS,
     UNKNOWN,
     WAITED,
@@ -25,13 +25,15 @@ from trocar.services.cli.incidents import (
     woken_ns,
     worst_ticks,
 )
-from trocar.services.cli.trace import trace
-from trocar.services.runtime import config, endpoints
+from trocar.services.diagnosis.core_sleepers import watching
+from trocar.services.diagnosis.thread_usage import ThreadUsage
+from trocar.services.diagnosis.trace import trace
+from trocar.services.files.atomic_file import atomic_file
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import BusError, ConfigError
-from trocar.services.runtime.flight import flight_directory
-from trocar.services.runtime.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
-from trocar.services.supervisor.observers.observer import RigSight
-from trocar.services.supervisor.observers.thread_usage import ThreadUsage
+from trocar.services.runtime.measures.flight import flight_directory
+from trocar.services.runtime.measures.flights import Flight, Flights, ThreadTime, read_file, read_rings, to_bytes
 
 _LOOK_S = 1.0
 _THREADS = 8
@@ -48,50 +50,60 @@ _LEGEND = (
 
 
 def run_latency(
-    files: Sequence[Path], rig: str, worst: int, trace_file: Path | None, as_json: bool, overrides: tuple[str, ...]
+    files: Sequence[Path],
+    rig: str,
+    worst: int,
+    trace_file: Path | None,
+    save: Path | None,
+    as_json: bool,
+    overrides: tuple[str, ...],
 ) -> None:
     """Show the worst ticks. Raises UserError if there is nothing to look at, or a file cannot be read or written."""
     targets.look_at_file("--trace", trace_file)
-    taken = [read_file(path) for path in files]
-    kept = None
-    if not taken:
-        now, kept = _now(rig, overrides)
-        taken = [now]
+    targets.look_at_file("--save", save)
+    taken = [read_file(path) for path in files] or [_now(rig, overrides)]
+    if save is not None:
+        _save(taken, save)
     if trace_file is not None:
         if len(taken) > 1:
             raise ConfigError(f"--trace: a trace is of one file, and {len(taken)} were given")
         targets.write_text("--trace", trace_file, json.dumps(trace(taken[0]), allow_nan=False))
         print(f"wrote {trace_file}: open it at https://ui.perfetto.dev", file=sys.stderr)
     if as_json:
-        source = {"file": str(kept)} if kept is not None else {}
-        print(json.dumps([_plain(each, worst) | source for each in taken]))
+        print(json.dumps([_plain(each, worst) for each in taken]))
         return
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
-    if kept is not None:
-        said = f"No rig runs as {rig}; this is the last that one kept, at {taken[0].taken_at}: {kept}"
-        console.print(said, markup=False, soft_wrap=True)
     for each in taken:
         _show(console, each, worst)
 
 
-def _now(rig: str, overrides: tuple[str, ...]) -> tuple[Flights, Path | None]:
-    """Return the last seconds of the rig's loops, whether they run or died; else the newest file that it left."""
+def _save(taken: Sequence[Flights], path: Path) -> None:
+    if len(taken) > 1:
+        raise ConfigError(f"--save: a file has the ticks of one time, and {len(taken)} were given")
+    with targets.writing("--save", path), atomic_file(path) as half:
+        half.write_bytes(to_bytes(taken[0]))
+    print(f"wrote {path}: `trocar latency {path}` shows it", file=sys.stderr)
+
+
+def _now(rig: str, overrides: tuple[str, ...]) -> Flights:
+    """Return the last seconds of the rig's loops, whether they run or died.
+
+    Raises BusError if no loop has left any.
+    """
     transport = config.load_rig(rig, overrides).transport
-    directory = endpoints.run_directory(transport)
-    rings = flight_directory(directory)
+    rings = flight_directory(endpoints.run_directory(transport))
     pids = {flight.name: flight.pid for flight in read_rings(rings) if not is_floor(flight)}
     if not pids:
-        kept = sorted((directory / "flights").glob(f"*{FILE_SUFFIX}"))
-        if not kept:
-            raise BusError(f"no loop has left a flight in {rings}, and no file is kept in {directory / 'flights'}")
-        return read_file(kept[-1]), kept[-1]
+        raise BusError(f"no rig runs as {rig}, and no loop has left its last ticks in {rings}")
     threads = ThreadUsage()
-    for _ in range(2):
-        threads.sample(RigSight(time.monotonic(), pids))
-        time.sleep(_LOOK_S)
-    threads.sample(RigSight(time.monotonic(), pids))
+    with watching(rings):
+        for _ in range(2):
+            threads.sample(time.monotonic(), pids)
+            time.sleep(_LOOK_S)
+        threads.sample(time.monotonic(), pids)
+        flights = read_rings(rings)
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    return Flights(read_rings(rings), time.monotonic_ns(), now, "looked at by hand", threads.busiest()), None
+    return Flights(flights, time.monotonic_ns(), now, "looked at by hand", threads.busiest())
 
 
 def _plain(taken: Flights, worst: int) -> dict[str, object]:

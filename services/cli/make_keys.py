@@ -6,7 +6,8 @@ import json
 import sys
 from pathlib import Path
 
-from trocar.services.runtime import keys, web_certificate
+from trocar.services.runtime.bus import keys
+from trocar.services.runtime.web import web_certificate
 
 
 def run_keys(directory: Path, names: tuple[str, ...], as_json: bool) -> None:

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.reader import RecordedFrame, last_ns, read_frames
-from trocar.services.runtime.bus import Bus
-from trocar.services.supervisor.shown_recording import ReplayStatus
-from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.runtime.bus.bus import Bus
+from trocar.services.supervisor.control.shown_recording import ReplayStatus
+from trocar.services.supervisor.control.supervisor import Supervisor
 
 TOPICS = ("gateway.state", "physics.state")
 _READ = (*TOPICS, "training.attempt")

@@ -10,9 +10,9 @@ from io import TextIOWrapper
 
 import typer
 
-from trocar.services import interrupts
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.runtime.errors import ConfigError, MissingPackageError, UserError
+from trocar.services.start import interrupts
 
 #: What the system refuses because of a path, a right or a disk.
 _OF_A_PERSON = (

@@ -14,14 +14,14 @@ import typer
 from trocar.services.cli import pictures
 from trocar.services.cli.rerun import compare
 from trocar.services.cli.up import Request, run_up
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.inputs import read_inputs
 from trocar.services.recordings.reader import read_extras
-from trocar.services.runtime import config
-from trocar.services.runtime.zmq_bus import ZmqBus
-from trocar.services.supervisor.fork_link import ForkServer
-from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
+from trocar.services.supervisor.control.supervisor import Supervisor
+from trocar.services.supervisor.crew.fork_link import ForkServer
 
 #: Characters of a scene's name that a file has for it, each up to four bytes.
 _NAME_MAX = 60
@@ -56,7 +56,7 @@ def run_check(path: Path, as_json: bool) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ReplayRequest:
-    """What a person asked for: see `trocar.services.runtime.rig.ReplaySettings`."""
+    """What a person asked for: see `trocar.services.runtime.config.rig.ReplaySettings`."""
 
     file: Path
     rig: str

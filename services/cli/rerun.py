@@ -14,7 +14,7 @@ import numpy as np
 from trocar.protocol import Frame
 from trocar.protocol.arrays import Array
 from trocar.protocol.bodies import PhysicsState, ToolContacts
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics import __main__ as haptics
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
@@ -22,8 +22,8 @@ from trocar.services.physics import __main__ as physics
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.injected_bus import InjectedProcess
 from trocar.services.recordings.inputs import Intake, RecordedInputs
-from trocar.services.runtime.loop import LoopMeter
-from trocar.services.runtime.process import Process
+from trocar.services.runtime.loop.loop import LoopMeter
+from trocar.services.runtime.process.process import Process
 from trocar.services.scenes import load_duct, load_scene
 
 _KEPT = 64  # states that haptics may still be about to see

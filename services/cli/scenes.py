@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from trocar.services.first_sentence import first_sentence
-from trocar.services.runtime import config
+from trocar.services.messages.first_sentence import first_sentence
+from trocar.services.runtime.config import config
 
 
 def run_scenes(as_json: bool) -> None:

@@ -10,11 +10,11 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, TypeAdapter
 
-from trocar.services.nearest_word import did_you_mean
-from trocar.services.runtime import config
+from trocar.services.messages.nearest_word import did_you_mean
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig
+from trocar.services.runtime.config.scene_requirements import BESIDE_THE_DUCT
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.rig import Rig
-from trocar.services.runtime.scene_requirements import BESIDE_THE_DUCT
 
 KINDS = ("rig", "scene", "device")
 
@@ -61,7 +61,7 @@ def _type_of(kind: str) -> Any:
         from trocar.services.scenes import scene_file_type
 
         return scene_file_type()
-    from trocar.services.gateway.device_files import DeviceFile
+    from trocar.services.gateway.devices.device_files import DeviceFile
 
     return DeviceFile
 

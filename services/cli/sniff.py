@@ -15,11 +15,12 @@ from rich.table import Table
 
 from trocar.protocol.topics import TOPICS
 from trocar.services.cli.raw_frames import unpack
-from trocar.services.nearest_word import did_you_mean
-from trocar.services.runtime import config, endpoints, keys
+from trocar.services.messages.nearest_word import did_you_mean
+from trocar.services.runtime.bus import endpoints, keys
+from trocar.services.runtime.bus.frame_batches import batch_endpoint, lengths_and_frames, split
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Transport
 from trocar.services.runtime.errors import BusError, ConfigError
-from trocar.services.runtime.frame_batches import batch_endpoint, lengths_and_frames, split
-from trocar.services.runtime.rig import Transport
 
 #: Printed per second unless every frame is asked for: a 1 kHz topic scrolls faster than anyone reads.
 _PRINTED_HZ = 5.0

@@ -21,8 +21,8 @@ from rich.progress import (
 from rich.table import Column
 
 from trocar.services.runtime import log
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.supervisor import Event, Supervisor
+from trocar.services.supervisor.control.supervisor import Event, Supervisor
+from trocar.services.supervisor.judge.state_machine import RigState
 
 _STYLES = {"warning": "yellow", "error": "red"}
 

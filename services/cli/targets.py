@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.runtime.errors import ConfigError, UserError
 
 

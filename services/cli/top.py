@@ -16,15 +16,15 @@ from rich.text import Text
 
 import trocar.protocol.bodies as bodies
 from trocar import protocol
-from trocar.services.runtime import config
-from trocar.services.runtime.bus import Bus
-from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.bus.bus import Bus
+from trocar.services.runtime.bus.endpoints import lock_holders
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import BusError
-from trocar.services.runtime.histogram import Quantiles
-from trocar.services.runtime.zmq_bus import ZmqBus
-from trocar.services.supervisor import figures
-from trocar.services.supervisor.dashboard import loop_row, topic_rows
-from trocar.services.supervisor.window import Window
+from trocar.services.runtime.measures.histogram import Quantiles
+from trocar.services.supervisor.judge import figures
+from trocar.services.supervisor.judge.window import Window
+from trocar.services.supervisor.page.dashboard import loop_row, topic_rows
 
 _TURN_S = 0.1
 _STALE_S = 1.0

@@ -11,12 +11,12 @@ from urllib.parse import urlsplit
 from trocar.services.cli import targets, validation
 from trocar.services.cli.attempt import made_of
 from trocar.services.cli.status_display import StatusDisplay
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import DeviceError, UserError
-from trocar.services.runtime.process import Options
+from trocar.services.runtime.process.process import Options
 from trocar.services.supervisor import run_report, session
-from trocar.services.supervisor.fork_link import ForkServer
-from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.supervisor.control.supervisor import Supervisor
+from trocar.services.supervisor.crew.fork_link import ForkServer
 from trocar.services.training.scenario import scenario_of
 from trocar.services.visualization.web import build
 

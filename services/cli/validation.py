@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from trocar.services.atomic_file import atomic_file, complete_lines
-from trocar.services.cache_directory import cache_directory, make_folders
-from trocar.services.runtime import config
+from trocar.services.files.atomic_file import atomic_file, complete_lines
+from trocar.services.files.cache_directory import cache_directory, make_folders
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError, UserError
 
 _REMEMBERED = 100

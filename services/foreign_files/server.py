@@ -7,7 +7,7 @@ messages of its answer. A reader that nobody listens to any more is killed.
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import gc

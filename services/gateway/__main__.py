@@ -9,29 +9,30 @@ that are waited for to measure their latency (`TIMED_EVERY`).
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
 import time
 
 from trocar.protocol.bodies import GatewayState
-from trocar.services.gateway import scene_hands
-from trocar.services.gateway.attempt_orders import AttemptOrders
-from trocar.services.gateway.handle_schedule import HandleSchedule
-from trocar.services.gateway.instrument import Instrument, build_instruments
-from trocar.services.gateway.model_intake import ModelIntake
+from trocar.services.gateway.instruments.handle_schedule import HandleSchedule
+from trocar.services.gateway.instruments.instrument import Instrument, build_instruments
+from trocar.services.gateway.instruments.model_intake import ModelIntake
+from trocar.services.gateway.motions import scene_hands
+from trocar.services.gateway.motions.scene_hands import SceneHands
 from trocar.services.gateway.newest_frames import NewestFrames
-from trocar.services.gateway.rig_time import RigTime
-from trocar.services.gateway.scene_hands import SceneHands
-from trocar.services.gateway.supervisor_commands import SupervisorCommands
-from trocar.services.runtime.bus import Bus
-from trocar.services.runtime.health import LatencyPath
+from trocar.services.gateway.orders.attempt_orders import AttemptOrders
+from trocar.services.gateway.orders.rig_time import RigTime
+from trocar.services.gateway.orders.supervisor_commands import SupervisorCommands
+from trocar.services.runtime.bus.bus import Bus
+from trocar.services.runtime.bus.stop_line import StopLine
+from trocar.services.runtime.config.rig import ReplaySettings
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
-from trocar.services.runtime.process import Process, ProcessConfig, main
-from trocar.services.runtime.rig import ReplaySettings
-from trocar.services.runtime.stop_line import StopLine
+from trocar.services.runtime.loop.loop import LoopMeter, Tick, sleep_until, ticks
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
+from trocar.services.runtime.process.health import LatencyPath
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"
@@ -57,6 +58,10 @@ TIMED_EVERY = 16
 _ORDERS_EVERY = 4
 #: The same for orders of an attempt, for which only a person waits.
 _ATTEMPT_EVERY = 16
+#: Rate at which simulated time catches up with the clock.
+CATCH_UP_HZ = 1250.0
+#: Ticks of the loop after which an unanswered tick is sent again, as somebody may have begun anew.
+_AGAIN_EVERY = 8
 #: Most frames examined while waiting for an answer, so that a flooding publisher cannot take this core.
 _LOOKS = 4
 
@@ -77,11 +82,13 @@ class Gateway:
             self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0)
         )
         self.orders = SupervisorCommands(self.instruments, process.rig.gateway.supervisor_timeout_s)
-        self._time = RigTime(self.meter.period_ns)
+        self._time = RigTime(self.meter.period_ns, simulated=process.rig.simulated_time)
+        self._unanswered = 0
         self._attempt = AttemptOrders(self.instruments, self._time)
         self._turns = HandleSchedule(len(self.instruments))
         self._look_round = self._timed = False
-        self._unsettled: tuple[int, int, int] | None = None  # index, when sampled, when written, of the last tick
+        # Of the last tick: index, when sampled by the clock and for the servos, when written.
+        self._unsettled: tuple[int, int, int, int] | None = None
 
     def _path(self, name: str, default_us: float) -> LatencyPath:
         contract = self._process.rig.contracts.paths.get(name)
@@ -101,15 +108,21 @@ class Gateway:
 
     def tick(self, tick: Tick) -> None:
         """Read, answer, write and publish; all other work comes later, as haptics waits for this core."""
-        self._time.advance(tick.index, tick.scheduled_ns)
+        take(self._bus, self._answers)
+        is_answered = not self._answers.is_unheard
+        self._time.advance(tick.index, tick.scheduled_ns, is_answered=is_answered)
+        if self._time.simulated:
+            self.meter.change_rate(self._rate_hz())
+            self._unanswered = 0 if is_answered else self._unanswered + 1
+            if self._unanswered % _AGAIN_EVERY:
+                self._take_orders(tick.index)
+                return
         self._attempt.turn()
         self.meter.tick = self._time.index
-        take(self._bus, self._answers)
         sampled_ns = time.monotonic_ns()
-        for instrument in self.instruments:
-            instrument.read(self._time.time_ns)
-        for instrument, others in self._others:
-            instrument.answer(sampled_ns, others)
+        posed_ns = self._time.time_ns if self._time.simulated else sampled_ns
+        if not (self._time.simulated and self._time.stands):
+            self._follow_hands(posed_ns)
         written_ns = time.monotonic_ns()
         state = GatewayState(
             tick=self._time.index,
@@ -118,28 +131,44 @@ class Gateway:
             withdrawn=sum(each.is_withdrawn << number for number, each in enumerate(self.instruments)),
         )
         self._bus.publish("gateway.state", state, origin_ns=sampled_ns)
+        if self._time.simulated and not self._time.stands and self._time.index % EVERY_TICKS == 0:
+            self._bus.publish("gateway.moment", state, origin_ns=sampled_ns)
         self.meter.stages_ns = (
             sampled_ns - tick.started_ns, written_ns - sampled_ns, time.monotonic_ns() - written_ns
         )  # fmt: skip
-        self._unsettled = tick.index, sampled_ns, written_ns
+        self._unsettled = tick.index, sampled_ns, posed_ns, written_ns
         self._timed = tick.index % TIMED_EVERY == 0
         self._look_round = tick.index % _LOOK_ROUND_EVERY == 0
+
+    def _follow_hands(self, now_ns: int) -> None:
+        """Read every arm, answer it with a force, and serve a handle where that has to come in each tick."""
+        for instrument in self.instruments:
+            instrument.read(self._time.time_ns)
+        turn = self._turns.next(late=False) if self._time.simulated else None
+        if turn is not None:
+            self.instruments[turn].exchange_handle(now_ns)
+        for instrument, others in self._others:
+            instrument.answer(now_ns, others)
 
     def _settle(self) -> None:
         """Account for the last tick and poll for orders, once, before its answer is used."""
         if self._unsettled is None:
             return
-        index, sampled_ns, written_ns = self._unsettled
+        index, sampled_ns, posed_ns, written_ns = self._unsettled
         self._unsettled = None
         self._servo.latency.record(written_ns - sampled_ns)
         self._answers.applied(written_ns)
-        self._answers.ask(self._time.index, sampled_ns, timed=self._timed)
+        self._answers.ask(self._time.index, sampled_ns, timed=self._timed, posed_ns=posed_ns)
+        self._take_orders(index)
+
+    def _take_orders(self, index: int) -> None:
+        """Poll for orders of the supervisor, and for those of the attempt."""
         if index % _ORDERS_EVERY == 0:
             said = self._bus.drain("supervisor.state")
-            self.orders.obey(said, sampled_ns)
+            self.orders.obey(said, time.monotonic_ns())
             if said:
                 self._attempt.starting = said[-1].body.state == "starting"
-                self.meter.change_rate(STARTING_HZ if self._attempt.starting else RATE_HZ)
+                self.meter.change_rate(self._rate_hz())
         if index % _ATTEMPT_EVERY == 0:
             self._attempt.obey(self._bus.latest(ATTEMPT), self._bus.is_fresh(ATTEMPT))
 
@@ -158,7 +187,7 @@ class Gateway:
         self._settle()
         take(self._bus, self._answers, came_ns)
         began_ns = time.monotonic_ns()
-        turn = self._turns.next(late=self._answers.outstanding)
+        turn = None if self._time.simulated else self._turns.next(late=self._answers.outstanding)
         if turn is not None:  # one handle a tick, each of two at 500 Hz: docs/decisions/handles-take-turns.md
             self.instruments[turn].exchange_handle()
             self._grasp.latency.record(time.monotonic_ns() - began_ns)
@@ -167,6 +196,12 @@ class Gateway:
         if self._answers.timed:
             listen(self._bus, self._answers, deadline_ns)
         sleep_until(deadline_ns)
+
+    def _rate_hz(self) -> float:
+        """Return the rate of the loop: slow during the start, fast while simulated time has to catch up."""
+        if self._attempt.starting:
+            return STARTING_HZ
+        return CATCH_UP_HZ if self._time.is_behind else RATE_HZ
 
     def ended(self) -> bool:
         """Return whether the process was told to end and no hand bears a force any more."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from trocar.protocol import Frame
-from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.bus.bus import Bus
 
 
 class NewestFrames:

@@ -7,9 +7,9 @@ import time
 from trocar.protocol.topics import TICK_S
 from trocar.services.recordings.inputs import Intake, read_inputs
 from trocar.services.recordings.schedule import ASK_AGAIN_NS, replayed
-from trocar.services.runtime.loop import LoopMeter, sleep_until
-from trocar.services.runtime.process import Process
-from trocar.services.runtime.rig import ReplaySettings
+from trocar.services.runtime.config.rig import ReplaySettings
+from trocar.services.runtime.loop.loop import LoopMeter, sleep_until
+from trocar.services.runtime.process.process import Process
 
 _MODEL = "haptics.contact_model"
 _HOLD_NS = 20_000_000

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from trocar.protocol import Frame
 from trocar.protocol.bodies import ContactModel, GatewayState, PhysicsState, ToolContacts
 from trocar.protocol.bodies.haptics import tool_table
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics.grasping import Grasping
 from trocar.services.haptics.instruments import InstrumentTable
 from trocar.services.haptics.local_model import LocalModels
@@ -21,12 +21,13 @@ from trocar.services.haptics.reactions import Reactions
 from trocar.services.haptics.warm_up import warm_up
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.runtime.journal import JournalWriter
+from trocar.services.runtime.bus.journal import JournalWriter
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop import LoopMeter, follow
-from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.runtime.loop.loop import LoopMeter, follow
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.scenes import load_duct, load_scene
-from trocar.services.start_progress import StartProgress
+from trocar.services.start.start_progress import StartProgress
 
 if TYPE_CHECKING:
     from trocar.services.haptics.replaying import ReplayedHaptics
@@ -35,17 +36,25 @@ RATE_HZ = 1000.0
 STAGES = ("model", "detect", "send")
 #: Parts of a start, with their share of the time of a first one.
 START = {"duct": 0.2, "kernels": 0.8}
+#: Longest wait for physics within a tick of simulated time; the gateway repeats the tick later.
+_IN_STEP_NS = 5_000_000
 _NO_CONTACTS = ToolContacts(tick=-1, tools=tool_table(()))
 
 
 class Haptics:
-    """Grasps and haptic rendering of one scene.
+    """Grasps and haptic rendering of one scene; `in_step` is whether the rig's time is simulated.
 
     Attributes:
         ticks_per_step: int. Ticks per step of physics now; tools and grasps are sent to it no more often.
     """
 
-    def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
+    def __init__(
+        self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct, *, in_step: bool = False
+    ) -> None:
+        self._in_step, self._is_solved = in_step, False
+        self._arrived: Frame | None = None
+        self._answered_tick = -1
+        self._model: tuple[ContactModel, int, bool] | None = None
         self._bus, self._meter, self._health = process.bus, meter, process.health
         self._journal = JournalWriter("haptics.journal", process.bus)
         self._seen_tick = -1
@@ -65,12 +74,16 @@ class Haptics:
         started = time.monotonic_ns()
         state: GatewayState = frame.body
         self._follow_begins(state)
+        if self._in_step and (state.tick == self._answered_tick or not self._wait_for_physics()):
+            self._repeat(frame)
+            return
+        solved, self._arrived = (self._arrived, None) if self._in_step else (self._bus.latest("physics.state"), None)
         self._instruments.take(state.instruments)
-        solved = self._bus.latest("physics.state")
         known = self._take_reactions(solved)
         models = self._models.table(len(state.instruments), touching=known)
         model = ContactModel(tick=state.tick, ttl_s=self._ttl_s, models=models)
         self._bus.publish("haptics.contact_model", model, origin_ns=frame.origin_ns, valid=known, at_once=True)
+        self._answered_tick, self._model = state.tick, (model, frame.origin_ns, known)
         modelled = time.monotonic_ns()
         age = state.tick - self._seen_tick if self._seen_tick >= 0 else -1
         self._journal.note(state.tick, (age, int(known), frame.sequence - state.tick))
@@ -89,7 +102,31 @@ class Haptics:
             self._began_tick, self._contacts = state.tick, _NO_CONTACTS
         elif state.tick < self._began_tick:  # the gateway has restarted
             self._began_tick = 0
+        if self._in_step and state.tick < self._contacts.tick:
+            self._contacts, self._seen_tick, self._arrived = _NO_CONTACTS, -1, None
         self._begins = state.begins
+
+    def _repeat(self, frame: Frame) -> None:
+        """Send again what answers the last tick, in case it was lost."""
+        if self._model is not None:
+            model, origin_ns, known = self._model
+            self._bus.publish("haptics.contact_model", model, origin_ns=origin_ns, valid=known, at_once=True)
+        self._bus.publish("haptics.contacts", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
+
+    def _wait_for_physics(self) -> bool:
+        """Wait a little until physics has answered the last tools and grasps; return whether it has.
+
+        In simulated time a tick is answered only then, so that its answer depends on nothing but the tick. The gateway
+        repeats a tick that is not answered.
+        """
+        until_ns = time.monotonic_ns() + _IN_STEP_NS
+        while self._seen_tick < self._contacts.tick:
+            if self._arrived is not None and self._arrived.body.tick >= self._contacts.tick:
+                break
+            if not self._bus.wait("physics.state", until_ns):
+                return False
+            self._arrived = self._bus.latest("physics.state") or self._arrived
+        return True
 
     def _publish_contacts(self, frame: Frame, began_ns: int) -> tuple[int, int]:
         """Detect the contacts of closing jaws and send tools and grasps to physics; return both durations, in ns.
@@ -106,6 +143,8 @@ class Haptics:
             self._contacts = ToolContacts(
                 tick=state.tick, tools=hands, holds=held, begins=state.begins, withdrawn=state.withdrawn
             )
+            if self._in_step and state.tick % EVERY_TICKS == 0:
+                self._bus.publish("haptics.moment", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
         detected = time.monotonic_ns()
         self._bus.publish("haptics.contacts", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
         return detected - began_ns, time.monotonic_ns() - detected
@@ -120,7 +159,10 @@ class Haptics:
             self._seen_tick = solved.body.tick
             self._reactions.take(self._solved.tools)
             self.ticks_per_step = self._solved.ticks_per_step
-        known = self._bus.is_fresh("physics.state")
+        if self._in_step:
+            is_known = self._is_solved and self._seen_tick >= self._began_tick
+            self._is_solved = is_known if solved is None else solved.valid
+        known = self._is_solved if self._in_step else self._bus.is_fresh("physics.state")
         if not known:
             self._reactions.forget()
             self.ticks_per_step = 1
@@ -164,7 +206,9 @@ def _replay(
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Answer each new device frame."""
     meter = LoopMeter(RATE_HZ, STAGES)
-    haptics = _replay(process, meter, prepared) or Haptics(process, meter, *prepared)
+    haptics = _replay(process, meter, prepared) or Haptics(
+        process, meter, *prepared, in_step=process.rig.simulated_time
+    )
     process.ready(meter)
     for frame in follow(process.bus, "gateway.state", meter, process.stop, haptics.settle):
         if frame is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from trocar.protocol.bodies import InstrumentState
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.scene.tools import N_TOOLS
-from trocar.services.runtime.flat_view import flat_view
+from trocar.services.runtime.loop.flat_view import flat_view
 
 # Columns: three for the HIP, three for its velocity, three for the port, and these.
 VELOCITY, PORT, ROLL, HANDLE, HANDLE_RATE, INSTRUMENT_COLUMNS = 3, 6, 9, 10, 11, 12

@@ -9,7 +9,7 @@ from trocar.protocol.bodies.physics import REACTION_CONTACTS, REACTION_HOLDS, To
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.scene.tools import N_TOOLS
-from trocar.services.runtime.flat_view import flat_view
+from trocar.services.runtime.loop.flat_view import flat_view
 
 
 class Reactions:

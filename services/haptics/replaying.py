@@ -9,7 +9,7 @@ from typing import Generic, Protocol, TypeVar, cast
 from trocar.protocol import Frame
 from trocar.services.recordings.injected_bus import InjectedBus, InjectedProcess
 from trocar.services.recordings.schedule import ASK_AGAIN_NS, Schedule
-from trocar.services.runtime.process import Process
+from trocar.services.runtime.process.process import Process
 
 _KEPT = 64  # states that may not have been used yet
 

@@ -9,7 +9,6 @@ from trocar.services.haptics.grasping import Grasping
 from trocar.services.haptics.instruments import InstrumentTable
 from trocar.services.haptics.local_model import LocalModels
 from trocar.services.haptics.reactions import Reactions
-from trocar.services.kernel_progress import told
 from trocar.services.mechanics.bodies.catheter import CatheterBody
 from trocar.services.mechanics.bodies.forceps.grasp import deepest_touches, rest_distance_m
 from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE
@@ -19,7 +18,8 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_catheter import scene_rod
-from trocar.services.start_progress import Say, ignore
+from trocar.services.start.kernel_progress import told
+from trocar.services.start.start_progress import Say, ignore
 
 #: Kernels that it compiled in a first start of the default scene, those for physics among them.
 _KERNELS = 140

@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray
-from trocar.services.mechanics.compiled.memory import SavedArrays
+from trocar.services.mechanics.compiled.memory import SavedArrays, SavedPages
 from trocar.services.mechanics.compiled.struct import Struct
 
 _OURS = "trocar.services.mechanics."
 _HOLDERS = (list, dict, set, deque)
+_LARGE = 1 << 16
+"""Bytes from which an array is saved by pages: at rest most of them are empty."""
 
 
 class Snapshot:
@@ -39,7 +41,10 @@ class Snapshot:
         for found in (self._attributes, self._holders, self._live):
             found.clear()
         self._follow(root, seen)
-        self._arrays = SavedArrays(self._live)
+        large = [array for array in self._live if array.nbytes >= _LARGE and array.nbytes % 8 == 0]
+        self._pages = [SavedPages(array) for array in large]
+        of_pages = set(map(id, large))
+        self._arrays = SavedArrays([array for array in self._live if id(array) not in of_pages])
 
     def restore(self) -> None:
         """Restore the state."""
@@ -51,6 +56,8 @@ class Snapshot:
             holder.clear()
             (holder.extend if isinstance(holder, list | deque) else holder.update)(content)
         self._arrays.restore()
+        for pages in self._pages:
+            pages.restore()
 
     def _follow(self, root: object, seen: dict[int, object]) -> None:
         """Save the state of `root` and of everything that it refers to, except objects seen before."""

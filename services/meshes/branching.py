@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.reduction.cache import Entry, fetch
 from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources

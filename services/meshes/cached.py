@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.cache import Entry, fetch
 from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
 from trocar.services.mechanics.surface.mesh import TriangleMesh
@@ -26,6 +26,8 @@ def load_mesh(
     lumen_diameter_m: float | None = None,
     cache_dir: Path | None = None,
     on_step: OnStep = lambda step: None,
+    names: tuple[str, ...] = (),
+    up: tuple[float, float, float] | None = None,
 ) -> TriangleMesh:
     """Return the duct in a surface file, from the cache if this file was made into it before.
 
@@ -33,7 +35,7 @@ def load_mesh(
     the choices, this package's code and the versions of the mesh libraries.
     Raises MeshError if the surface cannot be used; the sentence names the file, the reason and the place.
     """
-    settings = SurfaceSettings(units, clamped, mouth, edge_m, lumen_diameter_m)
+    settings = SurfaceSettings(units, clamped, mouth, edge_m, lumen_diameter_m, names, up)
     judge_place(path)
     libraries = [f"{name} {version(name)}" for name in MESH_LIBRARIES]
     code = hash_sources(Path(__file__).parent)

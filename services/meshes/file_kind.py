@@ -9,14 +9,17 @@ from pathlib import Path
 from trocar.services.foreign_files.known_kinds import find_known_kind
 from trocar.services.meshes.errors import MeshError
 
-READABLE = (".stl", ".obj", ".ply", ".vtp")
+READABLE = (".stl", ".obj", ".ply", ".vtp", ".vtu", ".msh", ".inp")
 HEAD_BYTES = 1 << 16
 _STL_HEADER, _STL_TRIANGLE, _BEHIND_BYTES = 80, 50, 8192
+_GRID = re.compile(rb"<VTKFile[^>]*\btype\s*=\s*[\"']UnstructuredGrid")
+_MSH = re.compile(rb"^\$MeshFormat\s", re.MULTILINE)
+_INP = re.compile(rb"^\*(node|heading|part|include)\b", re.MULTILINE | re.IGNORECASE)
 _VERTEX_LINE = re.compile(rb"^[ \t]*v([ \t]+[-+.\deE]+){3}", re.MULTILINE)
 
 
 def find_kind(path: Path, head: bytes, size: int) -> str:
-    """Return ``stl``, ``text stl``, ``obj``, ``ply`` or ``vtp``.
+    """Return ``stl``, ``text stl``, ``obj``, ``ply``, ``vtp``, ``vtu``, ``msh`` or ``inp``.
 
     Raises MeshError that says what the file is instead.
     """
@@ -27,12 +30,16 @@ def find_kind(path: Path, head: bytes, size: int) -> str:
     if re.match(rb"ply\s", text):
         return "ply"
     if b"<VTKFile" in text and text.startswith(b"<"):
-        return "vtp"
+        return "vtu" if _GRID.search(text) else "vtp"
+    if text.startswith(b"$MeshFormat") or _MSH.search(text):
+        return "msh"
     has_text = b"\0" not in head[: _STL_HEADER + 4] or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if has_text and text[:5].lower() == b"solid":
         return "text stl"
     if has_text and _VERTEX_LINE.search(text):
         return "obj"
+    if has_text and _INP.search(text):
+        return "inp"
     if not has_text and _is_binary_stl(head, size):
         return "stl"
     return _by_name(path)
@@ -55,6 +62,6 @@ def _by_name(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix not in READABLE:
         raise MeshError(f"{path}: cannot read '{path.suffix}' files; readable: {', '.join(READABLE)}")
-    if suffix in (".ply", ".vtp"):
+    if suffix in (".ply", ".vtp", ".vtu", ".msh", ".inp"):
         raise MeshError(f"{path}: does not begin as a {suffix[1:].upper()} file does")
     return suffix[1:]

@@ -12,27 +12,32 @@ import numpy.typing as npt
 
 from trocar.services.meshes.errors import MeshError
 from trocar.services.meshes.file_kind import HEAD_BYTES, find_kind
+from trocar.services.meshes.inp_file import read_inp
+from trocar.services.meshes.msh_file import read_msh
 from trocar.services.meshes.obj_file import read_obj
 from trocar.services.meshes.ply_file import read_ply
 from trocar.services.meshes.polygons import split_faces
 from trocar.services.meshes.stl_file import read_binary_stl, read_text_stl
 from trocar.services.meshes.surface_data import SurfaceData
 from trocar.services.meshes.vtp_file import read_vtp
+from trocar.services.meshes.vtu_file import read_vtu
 
 _READERS: dict[str, Callable[[Path], SurfaceData]] = {
     "stl": read_binary_stl, "text stl": read_text_stl, "obj": read_obj, "ply": read_ply, "vtp": read_vtp,
+    "vtu": read_vtu, "msh": read_msh, "inp": read_inp,
 }  # fmt: skip
 
 
 def read(path: str) -> Iterator[bytes]:
-    """Yield what was done in reading (JSON), vertices (n, 3) and triangles (m, 3) (npy).
+    """Yield what was done in reading and the names of sets (JSON), vertices (n, 3), triangles (m, 3), all sets (npy).
 
     Raises MeshError if the file cannot be read; the sentence names it.
     """
     data, triangles = _read(Path(path))
-    yield json.dumps(data.actions).encode()
+    yield json.dumps([data.actions, [[name, len(ids)] for name, ids in data.sets.items()]]).encode()
     yield _npy(data.vertices)
     yield _npy(triangles.astype(np.int32))
+    yield _npy(np.concatenate([np.zeros(0, np.int32), *(ids.astype(np.int32) for ids in data.sets.values())]))
 
 
 def _read(path: Path) -> tuple[SurfaceData, npt.NDArray[np.int64]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from trocar.services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
 from trocar.services.meshes.errors import MeshError
-from trocar.services.meshes.openings import SurfaceOpening, find_openings, lumen_diameter_m, name_ends, place_by_ends
+from trocar.services.meshes.openings import SurfaceOpening, lumen_diameter_m, name_ends, named_openings, place_by_ends
 from trocar.services.meshes.plausibility import judge_size, judge_unit
 from trocar.services.meshes.reading import read_surface
 from trocar.services.meshes.remeshing import remesh
@@ -34,6 +34,10 @@ class SurfaceSettings:
     """Edge length to remesh to, after scaling; none keeps the file's triangles."""
     lumen_diameter_m: float | None = None
     """Scale the surface so that its lumen near the widest end has this diameter; none keeps its size."""
+    names: tuple[str, ...] = ()
+    """Names of the open ends, the widest first; none: ``end_0``, ``end_1`` and so on."""
+    up: tuple[float, float, float] | None = None
+    """What is up in the file's axes: z of the scene, as near as the mouth's direction allows."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +87,11 @@ def _make_duct(raw: TriangleMesh, settings: SurfaceSettings, on_step: OnStep) ->
         mesh = remesh(mesh, settings.edge_m / factor)
         actions.append(f"remeshed from {repaired.mesh.n_triangles} to {mesh.n_triangles} triangles")
     _refuse_slivers(mesh)
-    mesh = name_ends(mesh, settings.clamped, settings.mouth)
+    mesh = name_ends(mesh, settings.clamped, settings.mouth, settings.names)
     if factor != 1.0:
         actions.append(f"scaled by {factor:.4g}")
-    mesh = place_by_ends(TriangleMesh(factor * mesh.vertices_m, mesh.triangles, mesh.vertex_sets))
-    return DuctSurface(mesh, find_openings(mesh), actions)
+    mesh = place_by_ends(TriangleMesh(factor * mesh.vertices_m, mesh.triangles, mesh.vertex_sets), settings.up)
+    return DuctSurface(mesh, named_openings(mesh, settings.names), actions)
 
 
 def _lumen_factor(mesh: TriangleMesh, wanted_m: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -100,13 +100,26 @@ def lumen_diameter_m(mesh: TriangleMesh) -> float:
     return _measure(section)[2]
 
 
-def name_ends(mesh: TriangleMesh, clamped: Sequence[str], mouth: str) -> TriangleMesh:
+def named_openings(mesh: TriangleMesh, names: Sequence[str] = ()) -> list[SurfaceOpening]:
+    """Return the open rims, widest first, with these names instead of ``end_0``, ``end_1`` and so on, if there are any.
+
+    Raises MeshError if there is not a name for each, or rims touch.
+    """
+    found = find_openings(mesh)
+    if not names:
+        return found
+    if len(names) != len(found) or len(set(names)) != len(names):
+        raise MeshError(f"{len(found)} open ends need as many different names, got: {', '.join(names)}")
+    return [replace(opening, name=name) for opening, name in zip(found, names, strict=True)]
+
+
+def name_ends(mesh: TriangleMesh, clamped: Sequence[str], mouth: str, names: Sequence[str] = ()) -> TriangleMesh:
     """Add vertex sets ``clamped`` and ``mouth``, and one per open end, to an outward-wound surface.
 
     Raises MeshError if an end does not exist or is both clamped and the mouth; the message lists the ends with their
     places.
     """
-    openings = {opening.name: opening for opening in find_openings(mesh)}
+    openings = {opening.name: opening for opening in named_openings(mesh, names)}
     for name in (*clamped, mouth):
         if name not in openings:
             known = "; ".join(
@@ -122,12 +135,22 @@ def name_ends(mesh: TriangleMesh, clamped: Sequence[str], mouth: str) -> Triangl
     return TriangleMesh(mesh.vertices_m, mesh.triangles, sets)
 
 
-def place_by_ends(mesh: TriangleMesh) -> TriangleMesh:
-    """Move a duct rigidly so that the clamped end's centre is the origin and the mouth lies along +x."""
+def placement(mesh: TriangleMesh, up: Sequence[float] | None = None) -> tuple[FloatArray, FloatArray]:
+    """Return where a duct is placed: the clamped end's centre (3,), and as rows the axes x, y, z (3, 3).
+
+    The mouth lies along x; z is as near as can be to ``up``, or else across x in no direction that means anything.
+    """
     origin = mesh.vertices_m[mesh.vertex_sets["clamped"]].mean(axis=0)
     towards = mesh.vertices_m[mesh.vertex_sets["mouth"]].mean(axis=0) - origin
     x = towards / np.linalg.norm(towards)
-    z = np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
-    z /= np.linalg.norm(z)
-    axes = np.stack([x, np.cross(z, x), z])
+    across = np.zeros(3) if up is None else np.cross(np.cross(x, np.asarray(up, dtype=np.float64)), x)
+    if np.linalg.norm(across) < 1e-3:
+        across = np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
+    z = across / np.linalg.norm(across)
+    return origin, np.stack([x, np.cross(z, x), z])
+
+
+def place_by_ends(mesh: TriangleMesh, up: Sequence[float] | None = None) -> TriangleMesh:
+    """Move a duct rigidly so that the clamped end's centre is the origin and the mouth lies along +x."""
+    origin, axes = placement(mesh, up)
     return TriangleMesh((mesh.vertices_m - origin) @ axes.T, mesh.triangles, mesh.vertex_sets)

@@ -1,8 +1,9 @@
-"""Triangle surfaces from STL, OBJ, PLY and VTP files, in declared units."""
+"""Triangle surfaces from STL, OBJ, PLY, VTP, VTU, MSH and INP files, in declared units."""
 
 from __future__ import annotations
 
 import io
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from trocar.services.meshes.announced import judge_place
 from trocar.services.meshes.errors import MeshError
 from trocar.services.meshes.file_kind import READABLE
 
+Array = np.ndarray[Any, np.dtype[Any]]
 COORDINATE_MAX_M = 1e9
 """Of a coordinate: beyond, the file is broken, and squares of lengths soon are not numbers."""
 _MODULE = "trocar.services.meshes.foreign"
@@ -29,7 +31,8 @@ def read_surface(path: Path, units: str, actions: list[str] | None = None) -> Tr
     triangles, or has faces that name vertices that are not there.
 
     Args:
-        path: STL, OBJ, PLY or VTP, told by what is in it.
+        path: Told by what is in it: STL, OBJ, PLY or VTP; or VTU, MSH of Gmsh or INP of Abaqus and CalculiX, whose
+            groups are sets of vertices.
         units: Unit of length in the file, which no such format states: m, cm, mm, um or in.
         actions: What was done to it is appended.
     """
@@ -39,8 +42,10 @@ def read_surface(path: Path, units: str, actions: list[str] | None = None) -> Tr
         raise MeshError(f"{path}: cannot read '{path.suffix}' files; readable: {', '.join(READABLE)}")
     judge_place(path)
     try:
-        told, vertices, triangles = ask_once(_MODULE, "read", path)
-        done, mesh = json.loads(told), _mesh(path, _array(vertices), _array(triangles), METRES_PER_UNIT[units])
+        told, vertices, triangles, members = ask_once(_MODULE, "read", path)
+        done, sets = json.loads(told)
+        named = _named(_array(members), sets)
+        mesh = _mesh(path, (_array(vertices), _array(triangles), named), METRES_PER_UNIT[units])
     except Refusal as error:
         raise MeshError(str(error)) from error
     except MeshError:
@@ -52,18 +57,25 @@ def read_surface(path: Path, units: str, actions: list[str] | None = None) -> Tr
     return mesh
 
 
-def _array(npy: bytes) -> np.ndarray[Any, np.dtype[Any]]:
-    array: np.ndarray[Any, np.dtype[Any]] = np.load(io.BytesIO(npy), allow_pickle=False)
+def _array(npy: bytes) -> Array:
+    array: Array = np.load(io.BytesIO(npy), allow_pickle=False)
     return array
 
 
-def _mesh(
-    path: Path, vertices: np.ndarray[Any, np.dtype[Any]], triangles: np.ndarray[Any, np.dtype[Any]], unit_m: float
-) -> TriangleMesh:
+def _named(members: Array, sets: list[tuple[str, int]]) -> dict[str, Array]:
+    """Return the sets by name, of all members one after the other."""
+    ends = np.cumsum([0, *(int(n) for _, n in sets)])
+    return {
+        str(name): members[first:end] for (name, _), (first, end) in zip(sets, itertools.pairwise(ends), strict=True)
+    }
+
+
+def _mesh(path: Path, held: tuple[Array, Array, dict[str, Array]], unit_m: float) -> TriangleMesh:
+    vertices, triangles, sets = held
     if not len(triangles):
         raise MeshError(f"{path}: the file holds no triangles")
     with np.errstate(over="ignore", invalid="ignore"):  # what is no number is told
-        mesh = TriangleMesh(vertices * unit_m, triangles)
+        mesh = TriangleMesh(vertices * unit_m, triangles, sets)
     furthest = int(np.abs(mesh.vertices_m).max(axis=1).argmax())
     distance_m = float(np.abs(mesh.vertices_m[furthest]).max())
     if distance_m > COORDINATE_MAX_M:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.surface.mesh import TriangleMesh, triangle_areas_m2, unique_edges
 from trocar.services.meshes.checking import Finding, check_surface
 from trocar.services.meshes.errors import MeshError
@@ -28,15 +30,18 @@ class RepairedMesh:
     actions: list[str]
 
 
-def repair_surface(mesh: TriangleMesh, is_used: bool = True) -> RepairedMesh:
+def repair_surface(mesh: TriangleMesh, is_used: bool = True, may_be_closed: bool = False) -> RepairedMesh:
     """Merge, drop, cut loose, orient and close pinholes until nothing is left to find.
 
-    ``is_used`` says whether the triangles are used as they are; see `check_surface`.
+    ``is_used`` says whether the triangles are used as they are; see `check_surface`. A surface without an open end is
+    refused, unless it ``may_be_closed``.
     Raises MeshError if a defect remains that cannot be mended without guessing; says which and where.
     """
     actions: list[str] = []
-    for step in (merge_and_drop, _keep_largest_piece, _wind_consistently, _close_pinholes):
+    for step in (merge_and_drop, _keep_largest_piece, _wind_consistently):
         mesh = step(mesh, actions)
+    if not may_be_closed or open_rims(mesh):
+        mesh = _close_pinholes(mesh, actions)
     findings = check_surface(mesh, is_used)
     if findings:
         raise MeshError("surface cannot be repaired: " + "; ".join(map(str, findings)))
@@ -61,7 +66,16 @@ def merge_and_drop(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
     merged, dropped = mesh.n_vertices - len(surface.vertices), mesh.n_triangles - len(surface.faces)
     if merged or dropped:
         actions.append(f"merged {merged} vertices and dropped {dropped} triangles that were flat or twice there")
-    return TriangleMesh(surface.vertices, surface.faces)
+    return TriangleMesh(surface.vertices, surface.faces, _moved_sets(mesh, surface.vertices, tolerance))
+
+
+def _moved_sets(mesh: TriangleMesh, vertices: FloatArray, tolerance_m: float) -> dict[str, IntArray]:
+    """Return the vertex sets of a mesh by the vertices that are left of it; one that is gone is in none."""
+    if not mesh.vertex_sets:
+        return {}
+    found = cKDTree(vertices).query(mesh.vertices_m)
+    near, place = np.asarray(found[0]) <= 2.0 * tolerance_m, np.asarray(found[1], np.int64)
+    return {name: np.unique(place[ids[near[ids]]]).astype(np.int32) for name, ids in mesh.vertex_sets.items()}
 
 
 def _keep_largest_piece(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:

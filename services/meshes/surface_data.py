@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +22,7 @@ class SurfaceData:
         counts: (faces,) corners of each face.
         lines: Line of each face in the file, of a format whose faces have one.
         actions: What was left out or understood in reading.
+        sets: Vertices of each named group of the file, ascending.
     """
 
     vertices: DoubleArray
@@ -29,6 +30,7 @@ class SurfaceData:
     counts: Int64Array
     lines: Sequence[int] = ()
     actions: list[str] = field(default_factory=list)
+    sets: Mapping[str, Int64Array] = field(default_factory=dict)
 
 
 def strip_triangles(strip: Int64Array) -> Int64Array:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 from xml.parsers import expat
 
 import numpy as np
 
 from trocar.services.meshes.announced import judge_counts
 from trocar.services.meshes.errors import MeshError
-from trocar.services.meshes.surface_data import Int64Array, SurfaceData, strip_triangles
+from trocar.services.meshes.surface_data import DoubleArray, Int64Array, SurfaceData, strip_triangles
 
 DEEPEST = 32
 """Elements within each other; VTK's have seven."""
@@ -25,23 +26,10 @@ def read_vtp(path: Path) -> SurfaceData:
 
     Raises MeshError: says what VTK said first, or which of the file's numbers cannot be.
     """
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-    _judge_elements(path)
-    told = vtkStringOutputWindow()
-    vtkOutputWindow.SetInstance(told)
-    reader = vtkXMLPolyDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    if said := told.GetOutput():
-        found = _SAID.search(said)
-        sentence = (found[1] if found else " ".join(said.split())[:200]).rstrip(".")
-        raise MeshError(f"{path}: not a readable triangle surface ({sentence})")
-    surface = reader.GetOutput()
-    points = surface.GetPoints()
-    vertices = np.zeros((0, 3)) if points is None else np.asarray(vtk_to_numpy(points.GetData()), np.float64)
+    surface = read_by_vtk(path, vtkXMLPolyDataReader())
+    vertices = points_of(surface)
     corners, counts = _cells(path, surface.GetPolys(), "Polys")
     strips, lengths = _cells(path, surface.GetStrips(), "Strips")
     ends = np.cumsum(lengths)
@@ -51,6 +39,30 @@ def read_vtp(path: Path) -> SurfaceData:
         counts = np.concatenate([counts, np.full(len(triangles), 3)])
     judge_counts(path, int(np.maximum(counts - 2, 0).sum()), len(vertices))
     return SurfaceData(vertices, corners, counts)
+
+
+def read_by_vtk(path: Path, reader: Any) -> Any:
+    """Return what a reader of VTK's XML files makes of a file. Raises MeshError: says what it said first."""
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+
+    _judge_elements(path)
+    told = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(told)
+    reader.SetFileName(str(path))
+    reader.Update()
+    if said := told.GetOutput():
+        found = _SAID.search(said)
+        sentence = (found[1] if found else " ".join(said.split())[:200]).rstrip(".")
+        raise MeshError(f"{path}: not a readable triangle surface ({sentence})")
+    return reader.GetOutput()
+
+
+def points_of(data: Any) -> DoubleArray:
+    """Return the points (n, 3) of a data set of VTK."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    points = data.GetPoints()
+    return np.zeros((0, 3)) if points is None else np.asarray(vtk_to_numpy(points.GetData()), np.float64)
 
 
 def _cells(path: Path, cells: object, name: str) -> tuple[Int64Array, Int64Array]:
@@ -86,7 +98,8 @@ def _judge_elements(path: Path) -> None:
         if name == "AppendedData":
             raise _DataBeginError
         if name == "Piece":
-            announced[0] += _number(attributes, "NumberOfPolys") + _number(attributes, "NumberOfStrips")
+            for each in ("NumberOfPolys", "NumberOfStrips", "NumberOfCells"):
+                announced[0] += _number(attributes, each)
             announced[1] += _number(attributes, "NumberOfPoints")
             judge_counts(path, *announced)
             judge_counts(path, max(_number(attributes, "NumberOfLines"), _number(attributes, "NumberOfVerts")))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
@@ -12,8 +12,7 @@ from operator import add
 from typing import TYPE_CHECKING
 
 from trocar.protocol import Frame
-from trocar.services import first_start
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.simulation import Simulation
@@ -24,13 +23,15 @@ from trocar.services.physics.duct_alone_loop import run_duct_alone
 from trocar.services.physics.inputs import ContactsReader
 from trocar.services.physics.outputs import Outputs
 from trocar.services.physics.warm_up import warm_up, warm_up_contact
-from trocar.services.runtime.journal import JournalWriter
+from trocar.services.runtime.bus.journal import JournalWriter
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop import LoopMeter, TickClock, follow
-from trocar.services.runtime.nan_guard import NanGuard
-from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock, follow
+from trocar.services.runtime.loop.nan_guard import NanGuard
+from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.scenes import load_duct, load_scene
-from trocar.services.start_progress import StartProgress
+from trocar.services.start import first_start
+from trocar.services.start.start_progress import StartProgress
 
 if TYPE_CHECKING:
     from trocar.services.physics.replaying import ReplayedPhysics
@@ -46,9 +47,15 @@ START = {"contact": 0.6, "duct": 0.1, "step": 0.3}
 
 
 class Physics:
-    """A simulation on the bus. A state with a NaN is written to a file and replaced by the scene at rest."""
+    """A simulation on the bus. A state with a NaN is written to a file and replaced by the scene at rest.
 
-    def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
+    `in_step` is whether the rig's time is simulated: then every frame is answered, as haptics waits for it.
+    """
+
+    def __init__(
+        self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct, *, in_step: bool = False
+    ) -> None:
+        self._in_step = in_step
         self._process = process
         self._meter = meter
         self._scene, self._duct = scene, duct
@@ -86,6 +93,8 @@ class Physics:
         self._partial_ticks += ticks
         length = self._meter.periods_allowed
         if self._partial_ticks < length and ticks:
+            if self._in_step:
+                self.republish(frame)
             return
         steps, self._partial_ticks = divmod(self._partial_ticks, length)
         if not self._reader.take(frame.body):
@@ -98,6 +107,8 @@ class Physics:
             self._reset()
         stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
+        if self._in_step and ticks and frame.body.tick % EVERY_TICKS == 0:
+            self._outputs.publish_moment(self._process.bus, frame, valid=healthy)
         self._meter.stages_ns = (read_ns, *costs_ns, time.monotonic_ns() - stepped_ns)
 
     def _follow_begins(self, begins: int) -> None:
@@ -217,7 +228,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
         run_duct_alone(process, LoopMeter(RATE_HZ, DUCT_STAGES), scene, duct)
         return
     meter = LoopMeter(RATE_HZ, STAGES)
-    physics = Physics(process, meter, scene, duct)
+    physics = Physics(process, meter, scene, duct, in_step=process.rig.simulated_time)
     _log_residual_error(process, duct)
     clock = TickClock(meter)
     replay = _replay(process, physics)

@@ -10,14 +10,14 @@ import numpy as np
 from trocar.protocol.arrays import pack
 from trocar.protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
 from trocar.protocol.bodies.physics import reaction_table
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.simulation.duct_alone import STAGE_NAMES, DuctAlone
 from trocar.services.physics.outputs import pack_contiguous
-from trocar.services.runtime.loop import CATCH_UP, LoopMeter, Tick, ticks
-from trocar.services.runtime.nan_guard import NanGuard
-from trocar.services.runtime.process import Process
+from trocar.services.runtime.loop.loop import CATCH_UP, LoopMeter, Tick, ticks
+from trocar.services.runtime.loop.nan_guard import NanGuard
+from trocar.services.runtime.process.process import Process
 
 STAGES = (*STAGE_NAMES, "send")
 _NO_TOOLS = reaction_table(())

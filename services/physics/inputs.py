@@ -17,7 +17,7 @@ from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.runtime.flat_view import flat_view
+from trocar.services.runtime.loop.flat_view import flat_view
 
 _TOOL_BYTES = 8 * TOOL_COLUMNS
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,8 +34,8 @@ from trocar.services.mechanics.contact.identity import TARGET_KIND, part_of
 from trocar.services.mechanics.contact.rows import ContactRows, rows_at
 from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.runtime.bus import Bus
-from trocar.services.runtime.flat_view import flat_view
+from trocar.services.runtime.bus.bus import Bus
+from trocar.services.runtime.loop.flat_view import flat_view
 
 #: Ticks between measurements of the inserted length (60 Hz) for picture and score; one costs a third of a tick.
 _INSERTED_EVERY = 16
@@ -102,6 +103,14 @@ class Outputs:
         self._inserted_is_old |= period != self._inserted_period
         self._inserted_period = period
         bus.publish("physics.state", state, origin_ns=answered.origin_ns, valid=valid and answered.valid)
+
+    def publish_moment(self, bus: Bus, answered: Frame, *, valid: bool) -> None:
+        """Send the state that was published last once more, with all that is measured of it now."""
+        if self._said is not None:
+            self._inserted_m = self._simulation.inserted_length_m
+            catheter = msgspec.structs.replace(self._said.catheter, inserted_length_m=self._inserted_m)
+            moment = msgspec.structs.replace(self._said, catheter=catheter)
+            bus.publish("physics.moment", moment, origin_ns=answered.origin_ns, valid=valid and answered.valid)
 
     def forget(self) -> None:
         """Discard rarely measured values, because the scene has restarted."""

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from trocar.protocol.bodies.haptics import tool_table
-from trocar.services.kernel_progress import told
 from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from trocar.services.mechanics.compiled.struct import Address
@@ -25,7 +24,8 @@ from trocar.services.mechanics.simulation.duct_alone import DuctAlone
 from trocar.services.physics.inputs import ContactsReader
 from trocar.services.physics.outputs import Outputs
 from trocar.services.physics.stand_in import stand_in_duct, stand_in_scene
-from trocar.services.start_progress import Say, ignore
+from trocar.services.start.kernel_progress import told
+from trocar.services.start.start_progress import Say, ignore
 
 #: Kernels that each part compiled or found in a first start of the default scene.
 _KERNELS_OF_CONTACT, _KERNELS_OF_STEP = 150, 105

@@ -5,7 +5,7 @@ It is an ordinary process and is delayed now and then; meanwhile frames wait in 
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import logging
@@ -22,7 +22,7 @@ from shutil import disk_usage
 
 from trocar.protocol import Frame
 from trocar.protocol.topics import observed_by, read_by
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.foreign_files import Refusal
 from trocar.services.recorder import attachments
 from trocar.services.recorder.losses import Losses, counts
@@ -31,12 +31,13 @@ from trocar.services.recorder.recording import RecordingWriter
 from trocar.services.recordings.provenance import machine, mechanics_digest
 from trocar.services.recordings.repair import repair_all
 from trocar.services.recordings.scene_update import SceneDrawing
-from trocar.services.runtime import realtime
-from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop import LoopMeter, ticks
-from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.runtime.loop.loop import LoopMeter, ticks
+from trocar.services.runtime.loop.tick_grid import STATES, as_state
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
+from trocar.services.runtime.realtime import realtime
 from trocar.services.scenes import load_duct, load_scene
 
 #: Longer than the period of sampled topics, far shorter than a turn.
@@ -102,7 +103,7 @@ class Recording:
 
     def take(self, frames: Iterable[Frame]) -> None:
         """Append `frames`."""
-        for frame in frames:
+        for frame in map(as_state, frames):
             self._writer.write(frame)
             self._picture.see(frame)
 
@@ -176,6 +177,8 @@ def run(process: Process) -> None:
     speaks = process.requirements.is_published
     read = dict.fromkeys(filter(speaks, (*settings.whole, *read_by("recorder"))))
     sampled = [topic for topic in filter(speaks, observed_by("recorder")) if topic not in read]
+    if process.rig.simulated_time:  # moments are recorded instead
+        sampled = [topic for topic in sampled if topic not in STATES]
     recording = Recording(process)
     recording.explain()
     meter = LoopMeter(settings.sample_rate_hz, ("take", "sample", "hand over"))

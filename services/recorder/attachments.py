@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import yaml
 
 from trocar.services.mechanics.reduction import ReducedDuct
-from trocar.services.runtime import config
-from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.scenes.duct_file import duct_file
 
 YAML, NPZ = "application/yaml", "application/x-npz"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.runtime.errors import UserError
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from trocar.protocol import PROTOCOL_VERSION, TOPICS, Frame
-from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.bus.bus import Bus
 
 
 class InjectedBus:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from trocar.services.trusted_path import fault_of_place
+from trocar.services.files.trusted_path import fault_of_place
 
 
 def fault_of_folder(folder: Path, *, shared: bool) -> str:

@@ -8,7 +8,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from trocar.services.runtime.machine import processor_name
+from trocar.services.runtime.realtime.machine import processor_name
 
 #: Packages that determine the result of a step.
 _PACKAGES = ("mechanics", "physics", "haptics")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from trocar.protocol.topics import TICK_S
 from trocar.services.recordings.inputs import Intake, RecordedInputs, read_inputs
-from trocar.services.runtime.rig import ReplaySettings
+from trocar.services.runtime.config.rig import ReplaySettings
 
 #: Period of repeating an unanswered frame, which a process that has just started may have missed.
 ASK_AGAIN_NS = 20_000_000

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from trocar.services.exit_codes import ExitCode
-from trocar.services.extras import how_to_get
+from trocar.services.messages.exit_codes import ExitCode
+from trocar.services.messages.extras import how_to_get
 
 
 class UserError(Exception):

@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 
-from trocar.services.nearest_word import did_you_mean
+from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError
 
 #: Prefix of lines on the progress of a long stage of the start: ``PROGRESS <fraction> <stage>``.

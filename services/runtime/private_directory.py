@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from trocar.services.files.trusted_path import fault_of_place
 from trocar.services.runtime.errors import BusError
-from trocar.services.trusted_path import fault_of_place
 
 _OTHERS = 0o077
 #: Flags that open neither the target of a link nor wait for the writer of a pipe.

@@ -6,7 +6,7 @@ from typing import Any
 
 from trocar.services.mechanics.scene import DuctScene, ForcepsScene
 from trocar.services.mechanics.scene.mesh_cells import MOST_NODES, MOST_NODES_ALL_PAIRS, accurate_cells
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.scenes.limits import LARGEST
 
 AUTO = "auto"

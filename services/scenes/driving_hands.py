@@ -13,8 +13,8 @@ from trocar.services.mechanics.scene import SceneModel, ToolScene
 from trocar.services.mechanics.surface.centreline import centrelines
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import mouth_opening
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.tube_paths import TubePaths
 
 PUSH_M_S, ROLL_RAD_S, BEND_RAD_S = 20e-3, 2.0, 1.5
 BEFORE_RADII, BEYOND_RADII, SHORT_RADII = 2.5, 1.0, 2.6

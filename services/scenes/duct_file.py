@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.surface.centreline import centrelines
-from trocar.services.runtime.scene_findings import print_finding
+from trocar.services.runtime.config.scene_findings import print_finding
 from trocar.services.scenes.load import load_scene
 from trocar.services.scenes.ready import load_duct
 

@@ -10,11 +10,11 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.scenarios import ToolMotion
 from trocar.services.mechanics.scene import ToolScene
 from trocar.services.mechanics.simulation.scene_catheter import place_catheter
-from trocar.services.runtime.scene_findings import print_finding
+from trocar.services.runtime.config.scene_findings import print_finding
 from trocar.services.scenes.hands import hands_of, out_of_the_way, with_strokes
 from trocar.services.scenes.load import load_scene
 from trocar.services.scenes.ready import load_surface
@@ -24,7 +24,7 @@ STROKES = 8
 
 
 def hand_motions(scene_name: str, overrides: Iterable[str] = ()) -> list[dict[str, Any]]:
-    """Return for each tool of a scene its port and its motion, by the names of `trocar.services.gateway.script`.
+    """Return for each tool of a scene its port and motion, by the names of `trocar.services.gateway.motions.script`.
 
     Raises ConfigError: one sentence, if scene or surface cannot be used.
     """

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.scenes.automatic_cells import take_automatic_cells
 from trocar.services.scenes.preset import take_tissue
 from trocar.services.scenes.scene_file import build_scene

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from trocar.services.mechanics.scene.tissue import TISSUES, Tissue, tissue
-from trocar.services.nearest_word import did_you_mean
-from trocar.services.runtime import config
+from trocar.services.messages.nearest_word import did_you_mean
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 
 

@@ -14,7 +14,7 @@ from trocar.services.mechanics.scene.duct_tubes import duct_tubes
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
-from trocar.services.start_progress import StartProgress
+from trocar.services.start.start_progress import StartProgress
 
 
 def check_duct(scene: SceneModel, cache: Path) -> None:
@@ -106,6 +106,8 @@ def _file_mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh
             duct.mesh_lumen_diameter_m,
             cache / "meshes",
             lambda step: progress(f"surface file: {step}", 0.0),
+            duct.mesh_names,
+            duct.mesh_up,
         )
     except MeshError as error:
         raise ValueError(f"duct.mesh_file: {error}") from error

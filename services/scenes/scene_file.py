@@ -17,10 +17,10 @@ from trocar.services.mechanics.scene.instruments import TOOLS, USUAL
 from trocar.services.mechanics.simulation.scene_catheter import check_catheter
 from trocar.services.mechanics.simulation.scene_duct import check_duct_numbers
 from trocar.services.mechanics.simulation.scene_world import check_integrator
-from trocar.services.nearest_word import did_you_mean
-from trocar.services.runtime import config
+from trocar.services.messages.nearest_word import did_you_mean
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.scene_requirements import has_duct_alone
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.scene_requirements import has_duct_alone
 from trocar.services.scenes import limits
 
 # The dataclasses inside have no configuration of their own and take this one.

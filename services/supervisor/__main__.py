@@ -4,21 +4,21 @@ status.
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
 from collections.abc import Sequence
 from contextlib import closing
 
-from trocar.services import start_up
 from trocar.services.runtime import log
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.process import parse
-from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.runtime.process.process import parse
+from trocar.services.start import start_up
+from trocar.services.supervisor.control.supervisor import Event, Supervisor
+from trocar.services.supervisor.crew.fork_link import ForkServer
+from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.session import SessionOptions, open_session, run_session
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.supervisor import Event, Supervisor
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -14,10 +14,11 @@ from typing import Any
 
 import yaml
 
-from trocar.services.runtime import config, endpoints
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig, Transport
 from trocar.services.runtime.private_directory import make_private
-from trocar.services.runtime.process import Process
-from trocar.services.runtime.rig import Rig, Transport
+from trocar.services.runtime.process.process import Process
 
 _LOOK_S = 1.0
 

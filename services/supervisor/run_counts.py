@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import trocar.protocol.bodies as bodies
-from trocar.services.supervisor.figures import Figures
-from trocar.services.supervisor.figures import of as figures_of
+from trocar.services.supervisor.judge.figures import Figures
+from trocar.services.supervisor.judge.figures import of as figures_of
 
 
 class Tally:

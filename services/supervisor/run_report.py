@@ -17,12 +17,12 @@ from typing import Any
 import msgspec
 
 import trocar.protocol.bodies as bodies
-from trocar.services.runtime.machine import processor_name
-from trocar.services.supervisor.dashboard import TopicRow, loop_row, topic_rows
-from trocar.services.supervisor.figures import Latencies, Loop
+from trocar.services.runtime.realtime.machine import processor_name
+from trocar.services.supervisor.control.supervisor import Supervisor
+from trocar.services.supervisor.judge.figures import Latencies, Loop
+from trocar.services.supervisor.judge.state_machine import RigState
+from trocar.services.supervisor.page.dashboard import TopicRow, loop_row, topic_rows
 from trocar.services.supervisor.run_counts import RunCounts
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.supervisor import Supervisor
 
 #: Time after RUNNING that is left out, for effects of the start in queues and caches.
 SETTLE_S = 1.0

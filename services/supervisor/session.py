@@ -13,35 +13,36 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from trocar.services import first_start
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.place import fault_of_folder
-from trocar.services.runtime import config, endpoints
-from trocar.services.runtime.endpoints import lock_holders
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.bus.endpoints import lock_holders
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import BusError, UserError
-from trocar.services.runtime.flight import flight_directory, remove_rings
-from trocar.services.runtime.loop import LoopMeter
+from trocar.services.runtime.loop.loop import LoopMeter
+from trocar.services.runtime.measures.flight import flight_directory, remove_rings
 from trocar.services.runtime.private_directory import make_private
-from trocar.services.runtime.process import Options, Process, load_process_config, open_process
-from trocar.services.runtime.rig import Rig
-from trocar.services.runtime.web_certificate import load_for
-from trocar.services.runtime.web_host import listen
+from trocar.services.runtime.process.process import Options, Process, load_process_config, open_process
+from trocar.services.runtime.web.web_certificate import load_for
+from trocar.services.runtime.web.web_host import listen
+from trocar.services.start import first_start
 from trocar.services.supervisor import frozen_configuration
-from trocar.services.supervisor.control import Control
-from trocar.services.supervisor.crew import Launch
-from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.supervisor.control.supervisor import Event, Setup, Supervisor
+from trocar.services.supervisor.crew.crew import Launch
+from trocar.services.supervisor.crew.fork_link import ForkServer
+from trocar.services.supervisor.crew.loop_progress import LoopProgress
+from trocar.services.supervisor.crew.member import Fault, MemberState
+from trocar.services.supervisor.crew.processes import TABLE, ProcessSpec
+from trocar.services.supervisor.crew.runqueue_waits import OwnIoThreads
 from trocar.services.supervisor.frozen_configuration import ChangedFiles
-from trocar.services.supervisor.governor import Level
-from trocar.services.supervisor.loop_progress import LoopProgress
-from trocar.services.supervisor.machine_floor import MachineFloor
-from trocar.services.supervisor.member import Fault, MemberState
-from trocar.services.supervisor.page import Page
-from trocar.services.supervisor.page_link import PageSetup
-from trocar.services.supervisor.processes import TABLE, ProcessSpec
-from trocar.services.supervisor.runqueue_waits import OwnIoThreads
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.supervisor import Event, Setup, Supervisor
+from trocar.services.supervisor.judge.governor import Level
+from trocar.services.supervisor.judge.state_machine import RigState
+from trocar.services.supervisor.page.command_socket import Control
+from trocar.services.supervisor.page.page import Page
+from trocar.services.supervisor.page.page_link import PageSetup
+from trocar.services.supervisor.page.school import School
 
 _TURN_S = 0.02
 #: Most open files of a process; the supervisor of a running rig had 98.
@@ -160,22 +161,27 @@ def run_session(process: Process, session: SessionOptions) -> None:
     rings = _rings(process.rig)
     rig = process.rig.model_dump_json()
     fingerprint = "" if certificate is None else certificate.fingerprint
-    page_setup = PageSetup(rig, process.scene_name, session.token, session.switches, fingerprint)
+    page_setup = PageSetup(
+        rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides
+    )
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
-    supervisor.floor = MachineFloor(rings)
     with (
         closing(threads),
         closing(loop_progress),
         closing(Page(sock, supervisor, page_setup, log_directory(process.rig))) as page,
         closing(Control(supervisor)) as control,
+        closing(School(supervisor, page_setup, log_directory(process.rig))) as school,
     ):
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
         gc.enable()  # present objects are frozen; a session of days produces some garbage
         try:
-            interrupted = not _watch(process, supervisor, (page, control, changed), session, meter) and process.stop()
+            interrupted = (
+                not _watch(process, supervisor, (page, control, changed, school), session, meter) and process.stop()
+            )
         finally:
             page.end()  # it takes as long as all others together
+            school.end()
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
     if process.rig.supervisor.mode == "launch" and rings is not None:
@@ -203,7 +209,7 @@ def _rings(rig: Rig) -> Path | None:
 def _watch(
     process: Process,
     supervisor: Supervisor,
-    lines: tuple[Page, Control, ChangedFiles],
+    lines: tuple[Page, Control, ChangedFiles, School],
     session: SessionOptions,
     meter: LoopMeter,
 ) -> bool:

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
 import time
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from trocar.protocol import Frame
 from trocar.protocol.topics import PROCESSES
-from trocar.services.runtime.loop import LoopMeter, ticks
-from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.meshes.tube_paths import TubePaths
+from trocar.services.runtime.loop.loop import LoopMeter, ticks
+from trocar.services.runtime.loop.tick_grid import MOMENTS, Moments
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.training.judge import Judge
 from trocar.services.training.rig_observer import TOPICS
 from trocar.services.training.scenario import Scenario, scenario_of
 from trocar.services.training.score import load_rules
 from trocar.services.training.site import Site, find_site
 from trocar.services.training.trainer import Trainer
-from trocar.services.tube_paths import TubePaths
 
 RATE_HZ = 12.0
 STAGES = ("orders", "look", "tell")
@@ -43,8 +46,12 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
     scenario, site = prepared
     spared = [name for name in PROCESSES if not rig.process(name).critical]
     ways = TubePaths({name: np.array(way) for name, way in site.ways.items()}) if site is not None else None
-    trainer = Trainer(scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules(), ways)
-    topics = tuple(filter(process.requirements.is_published, TOPICS))
+    trainer = Trainer(
+        scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules(), ways,
+        simulated=rig.simulated_time,
+    )  # fmt: skip
+    look = _look_at_moments if rig.simulated_time else _look_at_newest
+    moments = look(process)
     told, due_ns = None, 0
     meter = LoopMeter(RATE_HZ, STAGES)
     process.ready(meter)
@@ -54,8 +61,11 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
             trainer.observer.take_rig(frame.body)
             trainer.obey(frame.body.orders)
         ordered_ns = time.monotonic_ns()
-        trainer.observer.take(bus.sample(topics, ordered_ns + _PATIENCE_NS), ordered_ns)
-        trainer.follow(ordered_ns * 1e-9)
+        if (hands := bus.latest("visualization.hands")) is not None:
+            trainer.fitness.take_pictures(ordered_ns * 1e-9, hands.body.pictures_hz)
+        for frames in moments():
+            trainer.observer.take(frames, ordered_ns)
+            trainer.follow(ordered_ns * 1e-9)
         looked_ns = time.monotonic_ns()
         if looked_ns >= due_ns or trainer.gist() != told:
             told, due_ns = trainer.gist(), looked_ns + _TELL_NS
@@ -64,6 +74,23 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
         meter.stages_ns = (
             ordered_ns - tick.started_ns, looked_ns - ordered_ns, time.monotonic_ns() - looked_ns
         )  # fmt: skip
+
+
+def _look_at_newest(process: Process) -> Callable[[], Iterable[dict[str, Frame]]]:
+    """Return what asks for the newest frame of each topic."""
+    topics = tuple(filter(process.requirements.is_published, TOPICS))
+    return lambda: [process.bus.sample(topics, time.monotonic_ns() + _PATIENCE_NS)]
+
+
+def _look_at_moments(process: Process) -> Callable[[], Iterable[dict[str, Frame]]]:
+    """Return what asks for all new moments, and last for none, as time may have passed."""
+    moments = Moments()
+
+    def look() -> Iterator[dict[str, Frame]]:
+        yield from moments.take(frame for name in MOMENTS for frame in process.bus.drain(name))
+        yield {}
+
+    return look
 
 
 if __name__ == "__main__":

@@ -7,9 +7,10 @@ from collections.abc import Collection, Mapping
 
 from trocar.protocol import Frame, bodies
 from trocar.protocol.bodies.physics import ToolReaction
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.training.attempt import Observation
+from trocar.services.training.fitness import Fitness
 from trocar.services.training.judge import Judge
-from trocar.services.tube_paths import TubePaths
 
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state")
 _CATHETER = 1
@@ -22,6 +23,7 @@ class RigObserver:
     Args:
         spared: Processes of the rig that may be late, as no force depends on them.
         ways, branch: For a branch as the goal: the paths through the duct, and the branch.
+        fitness: Whether the machine is good enough; by default of a rig by the clock.
 
     Attributes:
         begins: int. Number of restarts of the scene, from the gateway; -1 if unknown.
@@ -30,7 +32,14 @@ class RigObserver:
         pressed_s: float. How long the first button of a device has been pressed.
     """
 
-    def __init__(self, spared: Collection[str] = (), ways: TubePaths | None = None, branch: str = "") -> None:
+    def __init__(
+        self,
+        spared: Collection[str] = (),
+        ways: TubePaths | None = None,
+        branch: str = "",
+        fitness: Fitness | None = None,
+    ) -> None:
+        self.fitness = fitness or Fitness()
         self._spared = frozenset(spared)
         self._ways, self._branch = ways, branch
         self.begins = -1
@@ -71,14 +80,20 @@ class RigObserver:
         """Process the supervisor's state."""
         stopped = state.safe_stop or state.state == "safe_stop"
         late = state.state == "degraded" and state.reason.partition(":")[0] not in self._spared
-        self._rig = STOPPED if stopped else LATE if late else ""
+        self._rig = STOPPED if stopped else LATE if late and not self.fitness.simulated else ""
+        self.fitness.take_rig(state, self._spared)
+
+    @property
+    def tick(self) -> int:
+        """The newest tick of physics, -1 before the first."""
+        return self._physics.tick if self._physics is not None else -1
 
     def observe(self) -> Observation | None:
         """Return the observation of the present scene, None before its first state."""
         gateway, physics = self._gateway, self._physics
         if gateway is None or physics is None or physics.tick < self._began_tick:
             return None
-        fault, self._fault = self._fault or self._rig, ""
+        fault, self._fault = self._fault or self._rig or self.fitness.slow, ""
         return Observation(
             tick=physics.tick,
             depth_m=self._depth_m(physics.catheter),

@@ -10,8 +10,8 @@ from typing import Literal
 
 from pydantic import ConfigDict
 
-from trocar.services.nearest_word import did_you_mean
-from trocar.services.runtime import config
+from trocar.services.messages.nearest_word import did_you_mean
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)

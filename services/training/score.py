@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.training.errors import ErrorEvent, Severity
 from trocar.services.training.scenario import STRICT, ErrorCode, Scenario

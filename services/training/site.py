@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.runtime.config.scene_findings import find_in_scene
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.scene_findings import find_in_scene
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.integer[Any]]
@@ -29,7 +29,7 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
         eye_m, looks_at_m: Position and aim of the endoscope; without them leaving the view is not judged.
         basis_hash, rim_gain: Mean outward displacement of the rim per modal coordinate of this basis, in 1/sqrt(kg);
             empty if unknown.
-        ways: Paths from the mouth to each named end, see `trocar.services.tube_paths`.
+        ways: Paths from the mouth to each named end, see `trocar.services.meshes.tube_paths`.
     """
 
     mouth_m: Vec3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -41,6 +42,8 @@ _LONGEST_JAWS_M, _JAW_M = 30e-3, 2e-3
 """Largest distance of jaw contacts from the junction, and beside the jaws' cone of a right angle."""
 _SQUEEZED_NM = 0.2e-3
 _ZERO = np.zeros(3)
+_REMEMBERED = 16
+_Fast = TypeVar("_Fast", GatewayState, ToolContacts)
 
 
 @dataclass(slots=True)
@@ -119,17 +122,23 @@ class SituationReader:
             self._eye_m, self._axis = np.array(site.eye_m), np.subtract(site.looks_at_m, site.eye_m)
         self._gateway: GatewayState | None = None
         self._contacts: ToolContacts | None = None
+        self._devices: deque[GatewayState] = deque(maxlen=_REMEMBERED)
+        self._tools: deque[ToolContacts] = deque(maxlen=_REMEMBERED)
         self._due_tick = 0
         self._advance: deque[tuple[int, float]] = deque()
 
     def take(self, topic: str, body: msgspec.Struct) -> Situation | None:
-        """Process a frame; return a situation with each state of physics at least `EVERY_TICKS` after the last."""
+        """Process a frame; return a situation with each state of physics at least `EVERY_TICKS` after the last.
+
+        It is joined with the devices and tools of its tick, or the newest ones if those have not been seen.
+        """
         if isinstance(body, GatewayState):
-            self._gateway = body
+            self._devices.append(body)
         elif isinstance(body, ToolContacts):
-            self._contacts = body
+            self._tools.append(body)
         elif isinstance(body, PhysicsState) and body.tick >= self._due_tick and body.catheter.position_m.shape[0] > 1:
             self._due_tick = body.tick - body.tick % EVERY_TICKS + EVERY_TICKS
+            self._gateway, self._contacts = _of_tick(body.tick, self._devices), _of_tick(body.tick, self._tools)
             return self._situation(body)
         return None
 
@@ -248,6 +257,11 @@ class SituationReader:
             s.shafts_apart_m = segments_apart_m(a, b, c, d)
         if self._eye_m is not None:
             s.view_angle_rad = tuple(_angle(_shaft(hand)[1] - self._eye_m, self._axis) for hand in s.hands)
+
+
+def _of_tick(tick: int, frames: deque[_Fast]) -> _Fast | None:
+    """Return the frame of a tick, else the newest."""
+    return next((each for each in reversed(frames) if each.tick == tick), frames[-1] if frames else None)
 
 
 class _Rod:

@@ -8,13 +8,14 @@ from collections import deque
 from collections.abc import Callable, Collection, Sequence
 
 from trocar.protocol import bodies
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.training.attempt import AttemptState, FollowedAttempt
+from trocar.services.training.fitness import Fitness
 from trocar.services.training.hints import hint
 from trocar.services.training.judge import Judge
 from trocar.services.training.rig_observer import RigObserver
 from trocar.services.training.scenario import Scenario
 from trocar.services.training.score import ScoreRules, score_of
-from trocar.services.tube_paths import TubePaths
 
 #: Age after which an order is not executed, as its sender has given up.
 ORDER_S = 2.0
@@ -36,6 +37,7 @@ class Trainer:
         judges: Returns a new judge of phases and errors for each attempt when it starts; None for no judging.
         rules: Rules for scoring completed attempts; None for no score.
         ways: Paths through the duct, for a branch as the goal.
+        simulated: Whether the rig's time is simulated.
     """
 
     def __init__(
@@ -46,14 +48,19 @@ class Trainer:
         judges: Callable[[Scenario], Judge] | None = None,
         rules: ScoreRules | None = None,
         ways: TubePaths | None = None,
+        *,
+        simulated: bool = False,
     ) -> None:
         self.scenario = scenario
-        self.observer = RigObserver(spared, ways, scenario.goal.branch if scenario else "")
+        self.fitness = Fitness(simulated=simulated)
+        self.observer = RigObserver(spared, ways, scenario.goal.branch if scenario else "", self.fitness)
         self.attempt = FollowedAttempt(scenario.goal if scenario else None)
         self._id = _new_id()
         self._again_after_s, self._judges, self._rules = again_after_s, judges, rules
         self._begins = self._awaited = self._asked = self._steps = 0
         self._pace, self.score = 1.0, NO_SCORE
+        self.examines = False
+        self._from_tick = self._until_tick = -1
         self._ended_s: float | None = None
         self._parting: bodies.Attempt | None = None
         self._answers: deque[bodies.Answer] = deque(maxlen=_KEPT)
@@ -67,9 +74,14 @@ class Trainer:
         seen = self.observer.observe()
         if seen is not None:
             self.attempt.observe(seen)
+        self.fitness.take_tick(now_s, self.observer.tick, self._pace)
         runs = self.attempt.state is AttemptState.RUNNING
+        if runs and self._from_tick < 0:
+            self._from_tick = self.observer.tick + 1
         if runs and self.observer.judge is None and self._judges is not None and self.scenario is not None:
             self.observer.judge = self._judges(self.scenario)
+        if self._from_tick >= 0 and self._ended_s is None:
+            self._until_tick = self.observer.tick
         if self.attempt.ended and self._ended_s is None:
             self._ended_s, self.score = now_s, self._total()
         if self.observer.pressed_s >= PRESSED_S:
@@ -98,6 +110,7 @@ class Trainer:
         self._awaited, self._asked = self.observer.begins + 1, self.observer.gateway
         self._pace, self.score = 1.0, NO_SCORE
         self._ended_s = self.observer.judge = None
+        self._from_tick = self._until_tick = -1
         self.attempt, self._id = FollowedAttempt(self.scenario.goal if self.scenario else None), _new_id()
         return "a new attempt begins"
 
@@ -133,6 +146,11 @@ class Trainer:
                 return True, f"{int(order.value)} ms on"
             case "step":
                 return False, f"single steps, whole ms from 1 to {_MOST_STEPS}, are taken while paused"
+            case "examine":
+                self.examines = order.value > 0.0
+                if not self.attempt.ended and self.attempt.state is AttemptState.RUNNING:
+                    self.attempt.spoil("whether help is given was changed while it ran")
+                return True, "from now on nobody helps" if self.examines else "from now on help is given"
             case "bookmark":
                 self.attempt.bookmark()
                 return True, f"marked at {self.attempt.time_s:.1f} s"
@@ -147,6 +165,7 @@ class Trainer:
         """Return the present state for publishing."""
         attempt, scenario = self.attempt, self.scenario
         goal = scenario.goal if scenario else None
+        helps = not self.examines or attempt.ended
         return bodies.Attempt(
             begins=self._begins,
             pace=self._pace,
@@ -165,23 +184,30 @@ class Trainer:
             goal_depth_m=goal.depth_m if goal else 0.0,
             depth_max_m=scenario.limit("depth_max_m") if scenario else 0.0,
             force_limit_n=scenario.limit("tool_duct_force_n") if scenario else 0.0,
-            errors=dict(attempt.errors),
+            errors=dict(attempt.errors) if helps else {},
             counts=not attempt.why_not,
             why_not=attempt.why_not,
             held=self.observer.held,
-            hint=hint(attempt, self.observer, scenario),
+            hint=hint(attempt, self.observer, scenario) if helps else "",
+            examined=self.examines,
             mirrored=scenario.view.mirrored if scenario else False,
             one_handed=scenario.view.one_handed if scenario else False,
             bookmarks_s=tuple(attempt.bookmarks_s[-64:]),
             answers=tuple(self._answers),
             score=self.score,
+            from_tick=self._from_tick,
+            until_tick=self._until_tick,
+            simulated_time=self.fitness.simulated,
+            speed=round(self.fitness.speed, 3),
+            practice_only=self.fitness.practice_only,
         )
 
     def gist(self) -> tuple[object, ...]:
         """Return the values whose change is published at once."""
         attempt, answered = self.attempt, self._answers[-1].order if self._answers else 0
         parts = self._parting is not None
-        return parts, self._id, attempt.state, attempt.why_not, self._pace, self._steps, answered
+        only = self.fitness.practice_only
+        return parts, self._id, attempt.state, attempt.why_not, self._pace, self._steps, answered, only
 
 
 def _new_id() -> str:

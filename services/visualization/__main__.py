@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import sys
@@ -10,13 +10,13 @@ import time
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.errors import EndOfRig
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop import LoopMeter, ticks
-from trocar.services.runtime.process import Process, ProcessConfig, main
+from trocar.services.runtime.loop.loop import LoopMeter, ticks
+from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.scenes.drawn_surface import DrawnSurface
 from trocar.services.visualization import tool_pose

@@ -15,7 +15,7 @@ from trocar.protocol.topics import observed_by
 from trocar.services.mechanics.bodies.sections import segment_radii
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
-from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.bus.bus import Bus
 from trocar.services.scenes.drawn_surface import DrawnSurface
 from trocar.services.visualization import tool_pose
 from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 
-from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.process.health import LatencyPath
 from trocar.services.visualization.picture import Picture
 
 

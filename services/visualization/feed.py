@@ -6,7 +6,7 @@ import asyncio
 import time
 from dataclasses import dataclass, field
 
-from trocar.services.runtime.health import LatencyPath
+from trocar.services.runtime.process.health import LatencyPath
 
 #: Most frames sent to a client and not acknowledged as painted. A tunnel with a round trip of 100 ms still gets 60
 #: pictures a second; a suspended client (a hidden tab) is sent nothing and resumes with the newest.

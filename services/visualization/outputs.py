@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 import time
 
+from trocar.services.runtime.config.rig import Rig, ViewSettings
 from trocar.services.runtime.errors import MissingPackageError
-from trocar.services.runtime.health import LatencyPath
-from trocar.services.runtime.loop import sleep_until
-from trocar.services.runtime.rig import Rig, ViewSettings
-from trocar.services.runtime.web_certificate import Certificate, load_for
+from trocar.services.runtime.loop.loop import sleep_until
+from trocar.services.runtime.process.health import LatencyPath
+from trocar.services.runtime.web.web_certificate import Certificate, load_for
 from trocar.services.visualization import codec
 from trocar.services.visualization.camera_feed import CameraFeed
 from trocar.services.visualization.display import display_name, record

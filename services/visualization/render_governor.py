@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from trocar.services.runtime.quality_governor import Hysteresis, Load, QualityGovernor
+from trocar.services.runtime.loop.quality_governor import Hysteresis, Load, QualityGovernor
 from trocar.services.visualization.render import Effects
 
 #: Picture rates below which quality is reduced: with a graphics processor, and in software.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import trocar.protocol.bodies as bodies
-from trocar.services.runtime.bus import Bus
+from trocar.services.runtime.bus.bus import Bus
 
 _TOPIC = "supervisor.state"
 

@@ -19,11 +19,11 @@ from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from trocar.services.runtime.loop import sleep_until
-from trocar.services.runtime.rig import ViewSettings
-from trocar.services.runtime.web_certificate import Certificate
-from trocar.services.runtime.web_headers import SafeHeaders
-from trocar.services.runtime.web_host import KnownHost, host_of, is_this_host, listen
+from trocar.services.runtime.config.rig import ViewSettings
+from trocar.services.runtime.loop.loop import sleep_until
+from trocar.services.runtime.web.web_certificate import Certificate
+from trocar.services.runtime.web.web_headers import SafeHeaders
+from trocar.services.runtime.web.web_host import KnownHost, host_of, is_this_host, listen
 from trocar.services.visualization.camera_feed import CameraFeed
 from trocar.services.visualization.feed import Feed, Feeds
 from trocar.services.visualization.page_hands import PageHands

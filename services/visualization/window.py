@@ -12,8 +12,8 @@ import sys
 import time
 
 from trocar.services.runtime.errors import DeviceError, MissingPackageError, UserError
-from trocar.services.runtime.health import LatencyPath
-from trocar.services.runtime.loop import sleep_until
+from trocar.services.runtime.loop.loop import sleep_until
+from trocar.services.runtime.process.health import LatencyPath
 from trocar.services.visualization.display import display_name
 from trocar.services.visualization.feed import Feed
 from trocar.services.visualization.outputs import Output
@@ -120,7 +120,7 @@ class WindowOutput(Output):
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
             # Threads of the software renderer would delay the loops: lateness was 4 instead of 1 ms.
             env={**os.environ, "LP_NUM_THREADS": "1"},
-            start_new_session=True,  # `trocar.services.runtime.autogroup`
+            start_new_session=True,  # `trocar.services.runtime.realtime.autogroup`
         )  # fmt: skip
         sending = asyncio.ensure_future(self._send(worker))
         try:

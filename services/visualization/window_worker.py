@@ -7,7 +7,7 @@ only count relative to its parent.
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first: the environment of a process
+import trocar.services.start.entry  # noqa: F401  first: the environment of a process
 
 # isort: split
 import contextlib
@@ -17,8 +17,8 @@ import select
 import sys
 import time
 
-from trocar.services.runtime.autogroup import end_with_parent, set_group_niceness
-from trocar.services.runtime.scheduling import own_threads
+from trocar.services.runtime.realtime.autogroup import end_with_parent, set_group_niceness
+from trocar.services.runtime.realtime.scheduling import own_threads
 from trocar.services.visualization import cameras, codec
 from trocar.services.visualization.display import display_name
 from trocar.services.visualization.overlay import Overlay

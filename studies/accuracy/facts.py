@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from statistics import median
 
-from trocar.services.runtime.machine import processor_name
+from trocar.services.runtime.realtime.machine import processor_name
 from trocar.studies.accuracy.study import Cost, Draw
 
 PACKAGES = "numpy", "scipy", "numba"

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.studies.accuracy.figure_text import Name, place_names, plain_ticks
 from trocar.studies.accuracy.frontier import ROUNDING, frontier
 from trocar.studies.accuracy.study import Row

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.scenarios import insertion
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.tools import ToolInputs

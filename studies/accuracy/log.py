@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from trocar.services.atomic_file import atomic_file, complete_lines
+from trocar.services.files.atomic_file import atomic_file, complete_lines
 from trocar.studies.accuracy.study import Cost, Draw, Error, Reference
 from trocar.studies.result_folder import read_as_ours
 

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.studies.accuracy.facts import Facts
 from trocar.studies.accuracy.report import BUDGET_US
 from trocar.studies.accuracy.study import Row

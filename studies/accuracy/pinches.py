@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel
 from trocar.services.mechanics.reduction import ExactOscillator, ModalState, Newmark, ReducedDuct

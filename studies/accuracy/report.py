@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.studies.accuracy.costs import FLOOR
 from trocar.studies.accuracy.facts import Facts
 from trocar.studies.accuracy.frontier import ROUNDING, frontier

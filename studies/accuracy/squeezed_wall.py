@@ -9,8 +9,9 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.bodies.wall_terms import WallTerms, terms_of
 from trocar.services.mechanics.reduction import Newmark, ReducedDuct
-from trocar.services.mechanics.reduction.softened_wall.softening_step import SofteningStep
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
 from trocar.services.mechanics.reduction.softening.training import WallSoftening
 from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries, ViscousModes
 from trocar.services.mechanics.reduction.viscous_loads import ViscousLoads
@@ -33,14 +34,18 @@ class SqueezedWall:
     lines: FloatArray
     series: PronySeries = NEVER
     body: DuctBody = field(init=False)
+    terms: WallTerms = field(init=False)
 
     def __post_init__(self) -> None:
         basis, n = self.duct.basis, len(self.nodes)
         integrator = Newmark(basis.omega_rad_s, self.duct.damping_ratio)
         self.body = DuctBody(self.duct, integrator, n)
-        if self.softening is not None:
-            self.wall = SofteningStep(self.duct, self.softening, np.zeros(basis.n_modes), integrator, self.series)
         self._modes = ViscousModes(basis.omega_rad_s, self.series)
+        if self.series.g:
+            self.body.viscous = self._modes
+        self.terms = terms_of(self.body)
+        if self.softening is not None:
+            self.terms.softened = SoftenedWall.of(self.duct, self.softening)
         self._loads = ViscousLoads(self.series, self.duct.mesh.n_vertices, len(self.body.load_nodes))
         self._corners = np.stack([self.nodes] * 3, axis=1).astype(np.int32)
         self._weights = np.tile([1.0, 0.0, 0.0], (n, 1))
@@ -49,8 +54,10 @@ class SqueezedWall:
     def step(self, wanted_m: FloatArray | None = None, force_n: FloatArray | None = None) -> FloatArray:
         """Take a step to displacements (k,) along the lines, or under forces (k,); returns the forces (N) then."""
         body, k = self.body, len(self.nodes)
-        body.modal_force[:] = 0.0 if self.softening is None else self.wall.force
+        body.change_step(DT_S)
+        body.modal_force[:] = 0.0
         body.hold(self._held, self._modes.force())
+        self.terms.hold(DT_S)
         body.predict(DT_S)
         body.gather(self._corners, self._weights)
         if force_n is None:
@@ -68,13 +75,11 @@ class SqueezedWall:
             at_end_n = force_n
         self._last_n = force_n.copy()
         body.correct(self._corners, self._weights, -force_n[:, None] * self.lines)
-        if self.softening is not None:
-            loads = body.load_nodes[: body.n_loads], body.load_force_n[: body.n_loads]
-            motion = body.state.q, body.q_start, body.state.qdot, body.state.qddot
-            drive = body.modal_force, body.position_gain * body.contact_impulse
-            self.wall.follow(loads, body.contact_impulse, drive, motion, DT_S)
+        self.terms.settle(0.0, DT_S)
         if self.series.g:
             self._modes.relax(body.state.q, DT_S)
+        self.terms.end_step(DT_S)
+        if self.series.g:
             acting = body.load_nodes, body.load_force_n, body.n_contact_loads
             body.replace_loads(self._loads.relax(acting, self.duct.residual.store, DT_S))
         return at_end_n

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.errors import ConfigError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from trocar.services.cli import targets
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 from trocar.studies.commands.progress_bar import progress_line
+from trocar.studies.fem.calculix import apart, check_case, compare, solve_by_calculix, write_deck
 from trocar.studies.fem.case import FemCase
 from trocar.studies.fem.output import save_vtu, to_json
 from trocar.studies.fem.run import FemResult, solve_case
@@ -36,7 +38,28 @@ class Stages:
         self._tell(self._stage, self._done, self._total)
 
 
-def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None = None) -> None:
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Where to write numbers for programs, fields for ParaView, and the case for CalculiX."""
+
+    json: Path | None = None
+    vtu: Path | None = None
+    inp: Path | None = None
+
+    def named(self) -> list[tuple[str, Path]]:
+        """Return each that is given, with its option."""
+        pairs = (("--json", self.json), ("--vtu", self.vtu), ("--inp", self.inp))
+        return [(option, path) for option, path in pairs if path is not None]
+
+
+def fem_command(
+    file: Path,
+    json_file: Path | None = None,
+    vtu_file: Path | None = None,
+    inp_file: Path | None = None,
+    *,
+    by_calculix: bool = False,
+) -> None:
     """Solve the case in a file and print what it gives.
 
     Raises ConfigError: one sentence that names the file and the key or place. Raises UserError: what was found is
@@ -44,12 +67,16 @@ def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None
 
     Args:
         file: YAML, see `trocar.studies.fem.case.FemCase` and the examples in ``configs/fem``.
-        json_file, vtu_file: Where to write numbers for programs, and fields for ParaView.
+        json_file, vtu_file, inp_file: Where to write numbers for programs, fields for ParaView, the case for CalculiX.
+        by_calculix: Whether CalculiX solves the case, too, and both solutions are compared.
     """
-    targets.look_at_file("--json", json_file)
-    targets.look_at_file("--vtu", vtu_file)
+    written = Written(json_file, vtu_file, inp_file)
+    for option, path in written.named():
+        targets.look_at_file(option, path)
     case, _ = config.load(FemCase, file)
-    _keep_apart(file, case, json_file, vtu_file)
+    _keep_apart(file, case, written)
+    if inp_file is not None or by_calculix:
+        check_case(case)
     try:
         result = _solve_with_progress(case, file)
     except ModuleNotFoundError as error:
@@ -62,17 +89,33 @@ def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None
     if vtu_file is not None:
         with targets.writing("--vtu", vtu_file):
             save_vtu(result, vtu_file)
+    if inp_file is not None:
+        with targets.writing("--inp", inp_file):
+            write_deck(result, inp_file)
+    if by_calculix:
+        _print_comparison(result, Console(soft_wrap=True))
 
 
-def _keep_apart(file: Path, case: FemCase, json_file: Path | None, vtu_file: Path | None) -> None:
+def _print_comparison(result: FemResult, console: Console) -> None:
+    other = solve_by_calculix(result)
+    table = Table()
+    for title in ("", "here", "CalculiX, S6", "here more by"):
+        table.add_column(title, overflow="fold")
+    for name, ours, theirs, more in compare(result, other):
+        table.add_row(escape(name), f"{ours:.6g}", f"{theirs:.6g}", "" if more is None else f"{100.0 * more:.2f} %")
+    console.print(table)
+    share = apart(result, other)
+    if share is not None:
+        console.print(f"all displacements differ by {100.0 * share:.2f} % of ours, root mean square")
+
+
+def _keep_apart(file: Path, case: FemCase, written: Written) -> None:
     """Refuse to write over what is read, or twice to one place."""
     surface = case.mesh.duct_file or case.mesh.surface_file
     taken = {file: "is the case itself"}
     if surface is not None:
         taken[file.parent / surface.path] = "is the case's mesh"
-    for option, path in (("--json", json_file), ("--vtu", vtu_file)):
-        if path is None:
-            continue
+    for option, path in written.named():
         for other, what in taken.items():
             if (path.is_file() and other.exists() and path.samefile(other)) or path.absolute() == other.absolute():
                 raise ConfigError(f"{option} {path}: {what}")

@@ -15,8 +15,8 @@ import msgspec
 from msgspec.structs import replace
 from rich.console import Console
 
-from trocar.services.cache_directory import cache_directory
 from trocar.services.cli import targets
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_scene
 from trocar.studies.accuracy.facts import Facts

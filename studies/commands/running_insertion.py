@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from trocar.protocol.bodies import GatewayState, PhysicsState
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Transport
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
 from trocar.studies.feel.tracking import is_inserted
 
 #: Jaws hold the duct in it: where they slip, how far hangs on rounding, and no two runs are alike.

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from trocar.services.cli import targets
-from trocar.services.nearest_word import did_you_mean
+from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError, UserError
 from trocar.studies.commands.progress_bar import progress_line
 from trocar.studies.provenance import code_version

@@ -11,11 +11,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-# Keeps linear algebra to one thread before numpy is loaded, here and in the workers: sums are taken in one order.
-from trocar.services.atomic_file import atomic_file
 from trocar.services.cli import targets
-from trocar.services.first_sentence import first_sentence
-from trocar.services.nearest_word import did_you_mean
+
+# Keeps linear algebra to one thread before numpy is loaded, here and in the workers: sums are taken in one order.
+from trocar.services.files.atomic_file import atomic_file
+from trocar.services.messages.first_sentence import first_sentence
+from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError
 from trocar.studies.accuracy.facts import Facts
 from trocar.studies.accuracy.figures import draw_study

@@ -13,10 +13,10 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from trocar.services.cache_directory import cache_directory
 from trocar.services.cli import targets
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.scene import QualityLevel, SceneModel
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_duct, load_scene, load_surface
 from trocar.services.scenes.hands import hands_of

@@ -20,11 +20,15 @@ def fem(
     file: Annotated[Path, typer.Argument(help="Shell case, see configs/fem.")],
     json_file: Annotated[Path | None, typer.Option("--json", help="Write numbers for programs.")] = None,
     vtu_file: Annotated[Path | None, typer.Option("--vtu", help="Write fields for ParaView.")] = None,
+    inp_file: Annotated[Path | None, typer.Option("--inp", help="Write the case for CalculiX.")] = None,
+    by_calculix: Annotated[
+        bool, typer.Option("--calculix", help="Solve it by CalculiX, too, and compare both solutions.")
+    ] = False,
 ) -> None:
     """Solve your own shell: statics, frequencies, buckling of the case in a file."""
     from trocar.studies.commands.fem import fem_command
 
-    fem_command(file, json_file, vtu_file)
+    fem_command(file, json_file, vtu_file, inp_file, by_calculix=by_calculix)
 
 
 def effects(

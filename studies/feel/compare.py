@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trocar.services.gateway.device_files import ArmFile
-from trocar.services.gateway.velocity_filter import butterworth
+from trocar.services.gateway.devices.device_files import ArmFile
+from trocar.services.gateway.servo.velocity_filter import butterworth
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.studies.feel.hunt import MASSES_KG
 from trocar.studies.feel.laws import VISCOUS_N_S_M, Make, Walls
 from trocar.studies.feel.laws.bare import Bare

@@ -11,9 +11,9 @@ import numpy as np
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
 from trocar.protocol.topics import TICK_S
-from trocar.services.gateway import premium_model, servo_law
-from trocar.services.gateway.device_files import SURE_FRICTION
-from trocar.services.gateway.servo_arrays import (
+from trocar.services.gateway.devices.device_files import SURE_FRICTION
+from trocar.services.gateway.servo import servo_law
+from trocar.services.gateway.servo.servo_arrays import (
     LIMIT_HANDLE,
     LIMIT_SIZE,
     MEMORY_FORCE,
@@ -29,7 +29,8 @@ from trocar.services.gateway.servo_arrays import (
     READ_SIZE,
     READ_VELOCITY,
 )
-from trocar.services.gateway.simulated_arm import (
+from trocar.services.gateway.simulated import premium_model
+from trocar.services.gateway.simulated.simulated_arm import (
     HAND_DAMPING,
     HAND_GRIP,
     HAND_RATE,

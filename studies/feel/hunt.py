@@ -8,7 +8,7 @@ Searches begin anew at many places, half of them for the most energy, half for t
 from __future__ import annotations
 
 if __name__ == "__main__":
-    import trocar.services.entry  # noqa: F401  the environment of a process, before numpy
+    import trocar.services.start.entry  # noqa: F401  the environment of a process, before numpy
 
 import argparse
 import sys
@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trocar.services.gateway.device_files import ArmFile, GraspFile
-from trocar.services.gateway.emulated_drive import INERTIA
+from trocar.services.gateway.devices.device_files import ArmFile, GraspFile
+from trocar.services.gateway.simulated.emulated_drive import INERTIA
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.studies.feel.pairs import DIMENSIONS, books_of_pairs
 from trocar.studies.feel.search import search
 from trocar.studies.feel.wall_hands import GAINED, LEVER_M, MOVED, RANGES, ArmAtWall, arm_at_wall, books_of, decode

@@ -14,8 +14,8 @@ import numpy as np
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
 from trocar.protocol.topics import TICK_S
-from trocar.services.gateway.servo_arrays import MEMORY_FORCE, MEMORY_SIZE, NOW_AGE
-from trocar.services.gateway.servo_law import servo_force
+from trocar.services.gateway.servo.servo_arrays import MEMORY_FORCE, MEMORY_SIZE, NOW_AGE
+from trocar.services.gateway.servo.servo_law import servo_force
 from trocar.services.mechanics.arrays import FloatArray, LongArray
 from trocar.services.mechanics.scenarios import insertion
 from trocar.services.mechanics.scene.tools import ToolInputs

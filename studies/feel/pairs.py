@@ -13,10 +13,8 @@ import numpy as np
 
 from trocar.protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
 from trocar.protocol.topics import TICK_S
-from trocar.services.gateway import premium_model, simulated_arm
-from trocar.services.gateway.device_files import SURE_FRICTION
-from trocar.services.gateway.premium_model import GEARS
-from trocar.services.gateway.servo_arrays import (
+from trocar.services.gateway.devices.device_files import SURE_FRICTION
+from trocar.services.gateway.servo.servo_arrays import (
     MEMORY_ENERGY,
     MEMORY_FORCE,
     MEMORY_RESERVED,
@@ -28,8 +26,11 @@ from trocar.services.gateway.servo_arrays import (
     READ_SIZE,
     READ_VELOCITY,
 )
-from trocar.services.gateway.servo_law import servo_force
-from trocar.services.gateway.simulated_arm import (
+from trocar.services.gateway.servo.servo_law import servo_force
+from trocar.services.gateway.servo.velocity_filter import butterworth
+from trocar.services.gateway.simulated import premium_model, simulated_arm
+from trocar.services.gateway.simulated.premium_model import GEARS
+from trocar.services.gateway.simulated.simulated_arm import (
     COUNTS,
     HAND_DAMPING,
     HAND_GRIP,
@@ -41,8 +42,7 @@ from trocar.services.gateway.simulated_arm import (
     measure,
     step_links,
 )
-from trocar.services.gateway.velocity_filter import butterworth
-from trocar.services.gateway.write_delay import WRITE_SIZE, WRITES
+from trocar.services.gateway.simulated.write_delay import WRITE_SIZE, WRITES
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import building_kernel, kernel
 from trocar.studies.feel.hands import WRITE_S, servo_settings

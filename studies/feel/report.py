@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.studies.feel.compare import Compared
 from trocar.studies.feel.hunt import MASSES_KG, Hunted
 from trocar.studies.feel.late import TOOLS, WITHIN, Late
@@ -70,7 +70,7 @@ def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:
     yield ""
     yield from words(
         "Written by `trocar haptics`; do not edit by hand. All tests run the law that writes to the devices "
-        "(`services/gateway/servo_law.py`). Most run it alone; a pinch and an insertion run through all processes"
+        "(`services/gateway/servo/servo_law.py`). Most run it alone; a pinch and an insertion run through all processes"
         " of a rig."
     )
     yield ""

@@ -25,7 +25,7 @@ from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock
 from trocar.studies.accuracy.pinches import full_model
 
 TRACKED_DEPTH_M = 19.5e-3

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from trocar.protocol.bodies.haptics import MODEL_B, MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K
-from trocar.services.gateway.servo_arrays import (
+from trocar.services.gateway.servo.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
@@ -30,7 +30,7 @@ from trocar.services.gateway.servo_arrays import (
     NOW_SIZE,
     NOW_TTL,
 )
-from trocar.services.gateway.servo_law import servo_force
+from trocar.services.gateway.servo.servo_law import servo_force
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 

@@ -28,8 +28,8 @@ from trocar.protocol.bodies.haptics import (
     MODEL_X0,
 )
 from trocar.protocol.topics import TICK_S
-from trocar.services.gateway.device_files import ArmFile, GraspFile
-from trocar.services.gateway.servo_arrays import (
+from trocar.services.gateway.devices.device_files import ArmFile, GraspFile
+from trocar.services.gateway.servo.servo_arrays import (
     HANDLE_ANGLE,
     HANDLE_RATE,
     HANDLE_SIZE,
@@ -52,9 +52,9 @@ from trocar.services.gateway.servo_arrays import (
     OWN_FRICTION,
     OWN_SIZE,
 )
-from trocar.services.gateway.servo_law import damping_share, elastic_share, model_force, servo_force, servo_torque
-from trocar.services.gateway.velocity_filter import butterworth, low_pass
-from trocar.services.gateway.write_delay import WRITE_SIZE, WRITES, pass_time, write_late
+from trocar.services.gateway.servo.servo_law import damping_share, elastic_share, model_force, servo_force, servo_torque
+from trocar.services.gateway.servo.velocity_filter import butterworth, low_pass
+from trocar.services.gateway.simulated.write_delay import WRITE_SIZE, WRITES, pass_time, write_late
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import building_kernel, kernel
 from trocar.studies.feel.hands import FORCE_N, RATE_N_S, TTL_S

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import StaticSolution
 from trocar.services.mechanics.fem.boundary_conditions import DOF_NAMES
@@ -103,6 +103,8 @@ def _static_json(result: FemResult, static: StaticSolution) -> dict[str, Any]:
 def save_vtu(result: FemResult, path: Path) -> None:
     """Write displacements, rotations, reactions, mode and buckling shapes (largest translation 1) for ParaView.
 
+    Frequencies and load factors are field data, ``mode_1_frequency_hz`` and so on; vertex sets are arrays of 0 and 1.
+
     A nonlinear path becomes one file a point, ``NAME-0000.vtu`` for the undeformed shell and so on, and ``path`` itself
     the last; ``NAME.pvd`` opens them as a series whose time is the part of the load.
     """
@@ -110,6 +112,7 @@ def save_vtu(result: FemResult, path: Path) -> None:
         _save_series(result, path)
     model = result.model
     fields: dict[str, FloatArray] = {}
+    constants: dict[str, float] = {}
     if result.static is not None:
         fields["displacement_m"] = result.static.displacement_m
         fields["rotation_rad"] = result.static.rotation_rad
@@ -119,16 +122,18 @@ def save_vtu(result: FemResult, path: Path) -> None:
     if result.modes is not None:
         for k, frequency in enumerate(result.modes.frequency_hz):
             shape = np.ascontiguousarray(result.modes.Phi[:, :, k])
-            fields[f"mode {k + 1}: {frequency:.4g} Hz"] = shape / np.linalg.norm(shape, axis=1).max()
+            fields[f"mode_{k + 1}"] = shape / np.linalg.norm(shape, axis=1).max()
+            constants[f"mode_{k + 1}_frequency_hz"] = float(frequency)
     if result.buckling is not None:
         for k, factor in enumerate(result.buckling.load_factor):
-            fields[f"buckling {k + 1}: {factor:.4g} x load"] = np.ascontiguousarray(result.buckling.Phi[:, :, k])
+            fields[f"buckling_{k + 1}"] = np.ascontiguousarray(result.buckling.Phi[:, :, k])
+            constants[f"buckling_{k + 1}_load_factor"] = float(factor)
     section = model.section
     per_triangle = {
         name: np.array(section.per_triangle(name, model.mesh.n_triangles))
         for name in ("thickness_m", "youngs_modulus_pa")
     }
-    write_vtu(path, model.mesh, fields, per_triangle)
+    write_vtu(path, model.mesh, fields, per_triangle, constants)
 
 
 def _path_fields(result: FemResult, point: PathPoint) -> dict[str, FloatArray]:

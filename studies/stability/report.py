@@ -13,7 +13,7 @@ from importlib.metadata import version
 from itertools import chain
 from typing import Any
 
-from trocar.services.runtime.machine import processor_name
+from trocar.services.runtime.realtime.machine import processor_name
 from trocar.studies.rates import rate
 from trocar.studies.stability.criteria import CRITERIA, failures, load_of, shown
 from trocar.studies.stability.drawn_report import drawn_section

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 
-from trocar.services.atomic_file import atomic_file, complete_lines
+from trocar.services.files.atomic_file import atomic_file, complete_lines
 from trocar.studies.pool import open_pool
 from trocar.studies.result_folder import read_as_ours
 from trocar.studies.stability.criteria import Figures, failures

@@ -21,7 +21,7 @@ from trocar.services.cli.app import main
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.errors import UserError
 from trocar.services.scenes import check_duct
-from trocar.services.supervisor import fork_link
+from trocar.services.supervisor.crew import fork_link
 
 
 @dataclass(frozen=True)

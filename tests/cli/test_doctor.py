@@ -15,9 +15,9 @@ from tests.docs.test_pages import anchors
 from trocar.services.cli import host_checks, probes
 from trocar.services.cli.delay_checks import delay
 from trocar.services.cli.host_checks import CheckResult, Verdict
-from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.gateway.hdapi import host_checks as arms
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_warnings_are_not_failures(trocar: Trocar, rig_file: Path) -> None:
         "packages",
         "web page",
         "cores",
-        "scheduling classes",
+        "scheduling class",
         "memlock",
         "cache folder",
         "picture",
@@ -90,7 +90,7 @@ def test_what_the_host_lacks_leads_to_a_heading_of_the_page(monkeypatch: pytest.
 
     monkeypatch.setattr(host_checks, "finding", missing)
     advice = {check.name: check.advice for check in host_checks.scheduling() if check.verdict is not Verdict.OK}
-    assert advice.keys() >= {"cores", "scheduling classes", "memlock", "preemption", "idle cores"}
+    assert advice.keys() >= {"cores", "scheduling class", "memlock", "preemption", "idle cores"}
     arm = tmp_path / "sys/bus/usb/devices/1-1"
     arm.mkdir(parents=True)
     (arm / "idVendor").write_text("2988\n")

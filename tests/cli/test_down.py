@@ -9,12 +9,11 @@ from typing import Literal
 import pytest
 
 from trocar.services.cli import down
-from trocar.services.runtime import endpoints
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.config.rig import Rig, SupervisorSettings, Transport
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.flight import FlightRing, flight_directory
-from trocar.services.runtime.rig import Rig, SupervisorSettings, Transport
-from trocar.services.supervisor.observers.core_sleepers import PHASES
-from trocar.services.supervisor.page_place import page_file, write_page_file
+from trocar.services.runtime.measures.flight import FlightRing, flight_directory
+from trocar.services.supervisor.page.page_place import page_file, write_page_file
 
 
 @pytest.mark.parametrize("mode", ["launch", "attach"])
@@ -27,7 +26,6 @@ def test_rings_and_page_file_of_a_supervisor_that_was_killed_are_removed(
     rings = flight_directory(tmp_path / "run")
     FlightRing(1000.0).share(rings / "gateway.flight")
     FlightRing(1000.0).share(rings / "floor0.flight")
-    (rings / PHASES).touch()
     assert down.end_all(rig, {}) == []
     assert not page_file(transport).exists()
     assert not rings.exists() or not list(rings.iterdir())

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.patience import PATIENCE_S
-from trocar.services import interrupts
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
+from trocar.services.start import interrupts
 
 #: As if a person had pressed it while the N-th module is looked for, counted from when we are asked.
 _PRESSED = """
@@ -26,7 +26,7 @@ class Press:
     counts = False
 
     def find_spec(self, name, path=None, target=None):
-        Press.counts = Press.counts or name == "trocar.services.bytecode"
+        Press.counts = Press.counts or name == "trocar.services.start.start_up"
         if Press.counts:
             Press.left -= 1
             if Press.left == 0:
@@ -78,7 +78,9 @@ def test_the_first_second_of_up_ends_with_the_code_for_it(folder: Path, at: int)
     assert _pressed(folder, ["-m", "trocar.services.cli.app", "up", "--seconds", "1"], at) == (130, "")
 
 
-@pytest.mark.parametrize("module", ["supervisor", "gateway", "visualization.render_worker", "supervisor.fork_server"])
+@pytest.mark.parametrize(
+    "module", ["supervisor", "gateway", "visualization.render_worker", "supervisor.crew.fork_server"]
+)
 @pytest.mark.parametrize("at", [3, 60])
 def test_the_processes_of_a_rig_end_as_quietly(folder: Path, module: str, at: int) -> None:
     assert _pressed(folder, ["-m", f"trocar.services.{module}", "0"], at) == (130, "")
@@ -96,7 +98,7 @@ def test_the_code_is_the_one_that_is_documented() -> None:
         (["python3", "-X", "importtime", "-m", "trocar.services.cli.app"], True),
         (["python3", "-m", "pytest", "-m", "trocar"], False),
         (["python3", "notebook.py", "trocar"], False),
-        (["python3", "-c", "import trocar.services.entry"], False),
+        (["python3", "-c", "import trocar.services.start.entry"], False),
         (["python3"], False),
     ],
 )

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Trocar
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 
 ROOT = Path(__file__).parents[2]
 

@@ -16,7 +16,7 @@ import typer
 
 from tests.cli.conftest import Trocar
 from trocar.services.cli.app import add_installed_verbs, app
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.runtime.errors import UserError
 
 ROOT = Path(__file__).parents[2]
@@ -24,7 +24,7 @@ FOLDERS = ("services", "review", "studies", "trocar/envs", "protocol")
 #: Calls that end a process with the number that they are given.
 _ENDS = {"sys.exit", "typer.Exit", "SystemExit", "os._exit", "exit"}
 #: Checked by the process that asks for them, which ends with a code of its own.
-_BETWEEN_PROCESSES = {"services/gateway/hdapi/host_checks.py", "services/supervisor/fork_server.py"}
+_BETWEEN_PROCESSES = {"services/gateway/hdapi/host_checks.py", "services/supervisor/crew/fork_server.py"}
 
 
 def _numbers(tree: ast.AST) -> Iterator[int]:
@@ -46,7 +46,7 @@ def test_no_exit_code_is_a_bare_number() -> None:
         name = str(path.relative_to(ROOT))
         if "node_modules" not in name and name not in _BETWEEN_PROCESSES:
             found += [f"{name}:{line}" for line in _numbers(ast.parse(path.read_text(encoding="utf-8")))]
-    assert not found, f"name them in services/exit_codes.py: {found}"
+    assert not found, f"name them in services/messages/exit_codes.py: {found}"
 
 
 def test_a_bare_number_would_be_found() -> None:

@@ -24,8 +24,8 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from tests.cli.conftest import Trocar
 from tests.patience import PATIENCE_S
 from tests.protocol import samples
-from trocar.services.runtime import config
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
 
 pytest.importorskip("foxglove", reason="the foxglove extra is not installed")
 _PROTOCOL = "foxglove.sdk.v1"

@@ -15,12 +15,12 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from trocar.services.cli.app import app
-from trocar.services.cli.incidents import incidents, worst_ticks
 from trocar.services.cli.latency import _cells, _show
-from trocar.services.cli.trace import trace
+from trocar.services.diagnosis.bad_ticks import incidents, worst_ticks
+from trocar.services.diagnosis.trace import trace
 from trocar.services.runtime.errors import BusError
-from trocar.services.runtime.flight import COLUMNS, FlightRing, flight_directory, remove_rings
-from trocar.services.runtime.flights import Flight, Flights, ThreadTime, to_bytes
+from trocar.services.runtime.measures.flight import COLUMNS, FlightRing, flight_directory, remove_rings
+from trocar.services.runtime.measures.flights import Flight, Flights, ThreadTime, to_bytes
 
 MS = 1_000_000
 START = 5_000 * MS
@@ -239,31 +239,30 @@ def _run(*arguments: str) -> Any:
     return CliRunner().invoke(app, ["latency", *arguments])
 
 
-def test_a_running_rig_is_looked_at_and_of_an_ended_one_its_last_file(tmp_path: Path, kept: Path) -> None:
+def test_a_running_or_dead_rig_is_looked_at_and_what_is_seen_can_be_kept(tmp_path: Path) -> None:
     run = tmp_path / "run"
     run.mkdir(mode=0o700)
     rig = ["--set", f"transport.directory={run}"]
     nothing = _run(*rig)
-    assert "no loop has left a flight" in str(nothing.exception)
+    assert "no loop has left its last ticks" in str(nothing.exception)
     assert isinstance(nothing.exception, BusError)
-    (run / "flights").mkdir()
-    kept.rename(run / "flights" / "20261120-000000-late-00001520us.npz")
-    of_ended = _run(*rig)
-    assert "its own work 2.50 ms" in of_ended.output
     ring = FlightRing(1000.0, ("solve",))
     ring.share(flight_directory(run) / "physics.flight")
     for k in range(10):
         ring.write(k, k * MS, k * MS, k * MS + (3 * MS if k == 4 else 1), 3 * MS, (1,))
-    running = _run(*rig)
+    running = _run(*rig, "--save", str(tmp_path / "kept.npz"))
     assert "looked at by hand" in running.output
     assert "its own work 3.00 ms" in running.output
     assert f"{os.getpid()}" not in running.output
+    assert [path.name for path in flight_directory(run).iterdir()] == ["physics.flight"], "the watchers' rings are gone"
     remove_rings(run)
+    assert "its own work 3.00 ms" in _run(str(tmp_path / "kept.npz")).output
 
 
 def test_what_cannot_be_written_or_read_is_one_sentence(kept: Path, tmp_path: Path) -> None:
     assert "there is no folder" in str(_run(str(kept), "--trace", str(tmp_path / "no" / "t.json")).exception)
     assert "No such file" in str(_run(str(tmp_path / "no.npz")).exception)
+    assert "the ticks of one time" in str(_run(str(kept), str(kept), "--save", str(tmp_path / "x")).exception)
     assert "a trace is of one file" in str(_run(str(kept), str(kept), "--trace", "x").exception)
 
 

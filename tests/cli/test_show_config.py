@@ -7,8 +7,8 @@ import yaml
 
 from tests.by_day import by_day
 from tests.cli.conftest import Trocar
-from trocar.services.runtime import config
-from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.scenes import build_scene, load_scene
 
 

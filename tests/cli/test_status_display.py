@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import pytest
 from rich.console import Console
 
-from trocar.services import first_start
 from trocar.services.cli import status_display
 from trocar.services.cli.status_display import StatusDisplay
 from trocar.services.runtime import log
-from trocar.services.supervisor.member import MemberState
-from trocar.services.supervisor.processes import TABLE
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.supervisor import Event
+from trocar.services.start import first_start
+from trocar.services.supervisor.control.supervisor import Event
+from trocar.services.supervisor.crew.member import MemberState
+from trocar.services.supervisor.crew.processes import TABLE
+from trocar.services.supervisor.judge.state_machine import RigState
 
 
 @dataclass

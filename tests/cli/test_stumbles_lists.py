@@ -10,10 +10,10 @@ import pytest
 
 from tests.cli.conftest import Trocar
 from trocar.services.cli import targets
-from trocar.services.first_sentence import first_sentence
-from trocar.services.runtime import config
+from trocar.services.messages.first_sentence import first_sentence
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.flights import FILE_SUFFIX, Flights, to_bytes
+from trocar.services.runtime.measures.flights import FILE_SUFFIX, Flights, to_bytes
 from trocar.studies.accuracy.study import study_names
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.cli.conftest import Trocar
 from trocar.services.cli import check_options, validation
-from trocar.services.nearest_word import did_you_mean
+from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError
 
 

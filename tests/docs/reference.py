@@ -16,13 +16,15 @@ import trocar.envs
 from trocar import front
 from trocar.protocol.bodies import SupervisorState
 from trocar.services.cli.app import add_installed_verbs, app
-from trocar.services.exit_codes import ExitCode
-from trocar.services.first_sentence import first_sentence
-from trocar.services.gateway.device_files import DeviceFile
-from trocar.services.runtime.rig import Rig
+from trocar.services.cli.catheters import bending_stiffness_n_m2, source_of
+from trocar.services.gateway.devices.device_files import DeviceFile
+from trocar.services.messages.exit_codes import ExitCode
+from trocar.services.messages.first_sentence import first_sentence
+from trocar.services.runtime.config.products import load_product, product_names
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.scenes import scene_file_type
-from trocar.services.supervisor.metrics import RigCollector, RigSource
-from trocar.services.supervisor.state_machine import RigState
+from trocar.services.supervisor.judge.state_machine import RigState
+from trocar.services.supervisor.page.metrics import RigCollector, RigSource
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "reference"
@@ -206,7 +208,34 @@ def names() -> str:
     return "\n".join(lines)
 
 
+def catheters() -> str:
+    """Return the page of catheters and wires as sold."""
+    lines = [
+        "# Catheters and guide wires",
+        "",
+        _MADE,
+        "",
+        "A scene names one as `catheter.product`, and a wire in it as `catheter.guide_wire.product`: what the scene",
+        "does not say itself is then taken from the product. Another one is a file of `configs/catheters`, or one",
+        "beside the scene (`product: mine.yaml`). `trocar catheters` lists them. Values that are neither a norm nor",
+        "measured are marked as assumptions. A wire is modelled as round and full: its modulus is the one that gives its",
+        "measured bending stiffness; it stretches more than the real one.",
+        "",
+    ]
+    for name in product_names():
+        product = load_product(name)
+        stiffness = f"{1e6 * bending_stiffness_n_m2(product):.3g} N mm²"
+        lines += [f"## `{name}`", "", f"{product.title}; bending stiffness {stiffness}.", ""]
+        lines += ["| value | is | from | to | source |", "| --- | --- | --- | --- | --- |"]
+        for key, value in product.named_values().items():
+            numbers = " | ".join(f"{number:g}" for number in (value.value, value.low, value.high))
+            lines.append(f"| `{key}` | {numbers} | {source_of(value.source, value.assumed)} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
 PAGES: dict[str, Callable[[], str]] = {
+    "catheters.md": catheters,
     "exit-codes.md": exit_codes,
     "names.md": names,
     "cli.md": commands,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import struct
+import tempfile
 import zlib
 from pathlib import Path
 
@@ -131,6 +132,101 @@ def vtp(mesh: TriangleMesh, form: str = "ascii", lines: bool = False, comment: s
     return text + b"</VTKFile>\n"
 
 
+def inp(mesh: TriangleMesh) -> bytes:
+    """Return an input file of CalculiX: shells, with sets of nodes and elements."""
+    nodes = "".join(f"{k}, {x:.9g}, {y:.9g}, {z:.9g}\n" for k, (x, y, z) in enumerate(_mm(mesh).tolist(), 1))
+    shells = "".join(f"{k}, {a + 1}, {b + 1}, {c + 1}\n" for k, (a, b, c) in enumerate(mesh.triangles.tolist(), 1))
+    rim = ", ".join(str(k + 1) for k in mesh.vertex_sets["clamped"].tolist())
+    return (
+        f"*HEADING\n a tube\n** a comment\n*NODE, NSET=ALL\n{nodes}*ELEMENT, TYPE=S3, ELSET=WALL\n{shells}"
+        f"*NSET, NSET=RIM\n{rim}\n*ELSET, ELSET=FIRST, GENERATE\n1, 9, 2\n*STEP\n*STATIC\n*END STEP\n"
+    ).encode()
+
+
+def _rim_edges(mesh: TriangleMesh) -> np.ndarray:
+    rim = mesh.vertex_sets["clamped"]
+    return np.stack([rim, np.roll(rim, -1)], axis=1)
+
+
+def gmsh22(mesh: TriangleMesh, binary: bool) -> bytes:
+    """Return a file of Gmsh 2.2, with physical groups of the wall and of the rim's edges."""
+    import meshio
+
+    edges = _rim_edges(mesh)
+    tags = [np.full(len(mesh.triangles), 1, np.int32), np.full(len(edges), 2, np.int32)]
+    cells = [("triangle", mesh.triangles), ("line", edges)]
+    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    made = meshio.Mesh(_mm(mesh), cells, cell_data=data, field_data={"wall": np.array([1, 2]), "rim": np.array([2, 1])})
+    with tempfile.NamedTemporaryFile(suffix=".msh") as file:
+        meshio.gmsh.write(file.name, made, fmt_version="2.2", binary=binary)
+        return Path(file.name).read_bytes()
+
+
+def gmsh41(mesh: TriangleMesh, binary: bool) -> bytes:
+    """Return the same in the layout of Gmsh 4.1, whose entities have the physical groups."""
+
+    def sizes(*values: int) -> bytes:
+        return np.array(values, "<u8").tobytes() if binary else f"{' '.join(map(str, values))}\n".encode()
+
+    def ints(*values: int) -> bytes:
+        return np.array(values, "<i4").tobytes() if binary else f"{' '.join(map(str, values))} ".encode()
+
+    def reals(values: np.ndarray) -> bytes:
+        return (
+            values.astype("<f8").tobytes() if binary else (" ".join(map(repr, values.ravel().tolist())) + "\n").encode()
+        )
+
+    def entity(physical: int) -> bytes:
+        return ints(1) + reals(np.zeros(6)) + sizes(1) + ints(physical) + sizes(0)
+
+    n, edges = mesh.n_vertices, _rim_edges(mesh)
+    numbers = np.arange(1, n + 1)
+    blocks = b""
+    first = 1
+    for dimension, kind, nodes in ((1, 1, edges), (2, 2, mesh.triangles)):
+        blocks += ints(dimension, 1, kind) + sizes(len(nodes))
+        rows = np.column_stack([np.arange(first, first + len(nodes)), nodes + 1])
+        blocks += sizes(*rows.ravel().tolist()) if binary else b"".join(sizes(*row) for row in rows.tolist())
+        first += len(nodes)
+    places = _mm(mesh)
+    held = reals(places) if binary else b"".join(reals(place) for place in places)
+    named = sizes(*numbers.tolist()) if binary else b"".join(sizes(k) for k in numbers.tolist())
+    one = np.array([1], "<i4").tobytes() + b"\n" if binary else b""
+    end = b"\n" if binary else b""
+    return (
+        f"$MeshFormat\n4.1 {int(binary)} 8\n".encode() + one + b"$EndMeshFormat\n"
+        b'$PhysicalNames\n2\n1 2 "rim"\n2 1 "wall"\n$EndPhysicalNames\n'
+        b"$Entities\n" + sizes(0, 1, 1, 0) + entity(2) + entity(1) + end + b"$EndEntities\n"
+        b"$Nodes\n" + sizes(1, n, 1, n) + ints(2, 1, 0) + sizes(n) + named + held + end + b"$EndNodes\n"
+        b"$Elements\n" + sizes(2, first - 1, 1, first - 1) + blocks + end + b"$EndElements\n"
+    )
+
+
+def vtu(mesh: TriangleMesh) -> bytes:
+    """Return a VTU file, with the rim as 0 and 1 on its points."""
+    import meshio
+
+    rim = np.zeros(mesh.n_vertices, np.int8)
+    rim[mesh.vertex_sets["clamped"]] = 1
+    parts = [np.arange(mesh.n_triangles, dtype=np.int32) % 3]
+    made = meshio.Mesh(_mm(mesh), [("triangle", mesh.triangles)], {"rim": rim}, {"part": parts})
+    with tempfile.NamedTemporaryFile(suffix=".vtu") as file:
+        meshio.vtu.write(file.name, made)
+        return Path(file.name).read_bytes()
+
+
+def of_finite_elements() -> dict[str, bytes]:
+    """Return right files of finite elements by name, of the same tube."""
+    return {
+        "shells.inp": inp(TUBE),
+        "grid.vtu": vtu(TUBE),
+        "gmsh22.msh": gmsh22(TUBE, False),
+        "gmsh22-binary.msh": gmsh22(TUBE, True),
+        "gmsh41.msh": gmsh41(TUBE, False),
+        "gmsh41-binary.msh": gmsh41(TUBE, True),
+    }
+
+
 def surfaces() -> dict[str, bytes]:
     """Return right files by name, of a small tube."""
     return {
@@ -144,6 +240,7 @@ def surfaces() -> dict[str, bytes]:
         "big.ply": ply(TUBE, "binary_big_endian", real="double"),
         "strips.ply": strips_ply(TUBE),
         **{f"{form}.vtp": vtp(TUBE, form) for form in ("ascii", "base64", "raw", "zlib")},
+        **of_finite_elements(),
     }
 
 

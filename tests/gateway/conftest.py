@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.gateway.bench import BenchUnavailable
-from tests.gateway.hdapi_bench import LEFT, RIGHT, HdapiBench, two_arms
+from tests.gateway.devices.bench import BenchUnavailable
+from tests.gateway.hdapi.hdapi_bench import LEFT, RIGHT, HdapiBench, two_arms
 
 
 @pytest.fixture

@@ -12,17 +12,18 @@ import pytest
 import yaml
 
 import trocar.services.gateway.__main__ as gateway_process
-from tests.gateway.virtual_node import VirtualNode
+from tests.gateway.can.virtual_node import VirtualNode
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess, in_time_of
 from trocar.protocol import topic
 from trocar.protocol.bodies import ContactModel, InstrumentState, LocalModel
-from trocar.services.gateway import instrument
 from trocar.services.gateway.drivers.grasp_odrive_can import OdriveGrasp
 from trocar.services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
-from trocar.services.gateway.scene_hands import SceneHands
-from trocar.services.runtime import bus, config
-from trocar.services.runtime.loop import Tick
+from trocar.services.gateway.instruments import instrument
+from trocar.services.gateway.motions.scene_hands import SceneHands
+from trocar.services.runtime.bus import bus
+from trocar.services.runtime.config import config
+from trocar.services.runtime.loop.loop import Tick
 from trocar.studies.feel.hands import Books
 
 TICK_NS = 1_000_000

@@ -10,8 +10,9 @@ import sys
 import time
 
 from trocar.protocol.bodies import ContactModel, LocalModel
-from trocar.services.runtime import config, realtime
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
+from trocar.services.runtime.realtime import realtime
 
 TTL_S, RAMP_S = 0.02, 0.3
 

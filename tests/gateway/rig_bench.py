@@ -17,8 +17,8 @@ import yaml
 from tests.gateway.kicks import kicks_n
 from trocar.protocol import Frame
 from trocar.protocol.bodies import SupervisorState
-from trocar.services.runtime import config
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
 
 RATE_LIMIT_N_S = 200.0
 START_TIMEOUT_S = 400.0  # compiling every kernel on a busy machine

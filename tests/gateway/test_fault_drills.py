@@ -35,9 +35,9 @@ from tests.gateway.kicks import kicks_n
 from trocar.protocol import topic
 from trocar.protocol.bodies import ContactModel, SupervisorState
 from trocar.services.gateway import __main__ as gateway_process
-from trocar.services.gateway import cansimple
-from trocar.services.gateway.cansimple import AxisError
-from trocar.services.runtime import bus
+from trocar.services.gateway.can import cansimple
+from trocar.services.gateway.can.cansimple import AxisError
+from trocar.services.runtime.bus import bus
 
 PRESSES_S, WRONG_S = 0.75, 0.4
 TTL_TICKS = round(TTL_S * 1e9) // TICK_NS

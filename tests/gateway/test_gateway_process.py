@@ -12,7 +12,7 @@ import pytest
 
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, assert_never_a_kick, forces
 from tests.patience import PATIENCE_S
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
 
 FORCE_N = 2.0
 TTL_S = 0.02

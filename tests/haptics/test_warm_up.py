@@ -12,7 +12,7 @@ import pytest
 from tests.haptics.test_grasps import ACROSS_RAD, CLOSING_TICKS, FAR, OPEN_RAD, round_catheter
 from tests.physics.conftest import SMALL, Rig, let_time_pass
 from trocar.protocol import Frame
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics.warm_up import warm_up
 from trocar.services.mechanics.compiled import KERNELS
 from trocar.services.scenes import load_duct, load_scene

@@ -69,7 +69,7 @@ def test_what_is_no_vertex_and_no_face_of_an_obj_is_refused_with_its_line(tmp_pa
 
 def test_what_vtk_finds_wrong_is_one_sentence(tmp_path, capfd):
     path = tmp_path / "other.vtp"
-    path.write_text('<VTKFile type="UnstructuredGrid" version="0.1"><UnstructuredGrid></UnstructuredGrid></VTKFile>')
+    path.write_text('<VTKFile type="StructuredGrid" version="0.1"><StructuredGrid></StructuredGrid></VTKFile>')
     with pytest.raises(MeshError, match=r"other.vtp: not a readable .* \(Cannot find PolyData element in file\)$"):
         read_surface(path, "m")
     assert capfd.readouterr() == ("", "")

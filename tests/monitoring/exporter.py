@@ -13,17 +13,14 @@ import yaml
 import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import health, histogram, loop_report
 from trocar.protocol import PROCESSES
-from trocar.services.runtime.config import load_rig
-from trocar.services.runtime.loop import LoopMeter
-from trocar.services.runtime.rig import PATH_OWNERS
-from trocar.services.runtime.stage_times import StageTimes
-from trocar.services.supervisor.figures import Latencies
-from trocar.services.supervisor.metrics import Level, RigCollector, RigSource
-from trocar.services.supervisor.observers.observer import Row
-from trocar.services.supervisor.observers.registry import Report
-from trocar.services.supervisor.observers.thread_usage import Counts
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.task_metrics import Task
+from trocar.services.diagnosis.thread_usage import Counts, UsageRow
+from trocar.services.runtime.config.config import load_rig
+from trocar.services.runtime.config.rig import PATH_OWNERS
+from trocar.services.runtime.loop.loop import LoopMeter
+from trocar.services.runtime.measures.stage_times import StageTimes
+from trocar.services.supervisor.judge.state_machine import RigState
+from trocar.services.supervisor.page.metrics import Level, RigCollector, RigSource
+from trocar.services.supervisor.page.task_metrics import Task
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "deploy" / "monitoring"
@@ -73,14 +70,10 @@ def whole_rig() -> RigSource:
     reports = tuple(bodies.ProcessReport(name=name, state="ready") for name in PROCESSES if name != "supervisor")
     quality = bodies.QualityReport(cost_us=300.0, force_error_percent=1.0, motion_error_percent=2.0)
     state = bodies.SupervisorState(state=RigState.RUNNING, processes=reports, quality=quality)
-    lateness = Latencies.of(histogram([40_000] * 99))
-    observed = Report(
-        {core: Row(lateness, lateness) for core in (0, 1)},
-        {name: Row(Counts(name, "", 5, 2, 10**9, 10**8), None) for name in PROCESSES},
-    )
+    threads = {name: UsageRow(Counts(name, "", 5, 2, 10**9, 10**8), None) for name in PROCESSES}
     task = Task()
     task.see(attempt())
-    return RigSource(state, heard, observed, True, load_rig("stub").contracts, task)
+    return RigSource(state, heard, threads, True, load_rig("stub").contracts, task)
 
 
 def exported(level: Level) -> dict[str, frozenset[str]]:

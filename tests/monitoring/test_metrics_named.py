@@ -23,8 +23,8 @@ from tests.monitoring.exporter import (
     recorded,
     whole_rig,
 )
-from trocar.services.supervisor.metrics import registry
-from trocar.services.supervisor.task_metrics import Task, families
+from trocar.services.supervisor.page.metrics import registry
+from trocar.services.supervisor.page.task_metrics import Task, families
 
 
 def _expressions() -> Iterator[tuple[str, str, str]]:

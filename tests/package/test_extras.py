@@ -6,7 +6,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from trocar.services.extras import EXTRAS, how_to_get, requirements_of
+from trocar.services.messages.extras import EXTRAS, how_to_get, requirements_of
 
 ROOT = Path(__file__).parents[2]
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]

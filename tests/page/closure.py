@@ -26,9 +26,9 @@ from tests.chromium import Chromium
 from tests.page.portrait import FINEST
 from tests.rig.conftest import Rig, running_rig
 from trocar.protocol.bodies import GatewayState, PhysicsState
-from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.config.rig import Transport
 from trocar.services.scenes.hand_motions import hand_motions
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.supervisor.page.page_place import page_file
 from trocar.services.visualization.web import build
 
 SIZE = (720, 640)

@@ -24,8 +24,8 @@ from tests.chromium import Chromium
 from tests.page.orders import order
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig, running_rig
-from trocar.services.runtime.rig import Transport
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.supervisor.page.page_place import page_file
 
 UP = ("-m", "trocar.services.cli.app", "up")
 INSERTED_MM = 5.0

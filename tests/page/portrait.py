@@ -14,8 +14,8 @@ from pathlib import Path
 
 from tests.chromium import Chromium
 from tests.rig.conftest import running_rig
-from trocar.services.runtime.rig import Transport
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.supervisor.page.page_place import page_file
 from trocar.services.visualization.web import build
 
 SIZE = (1440, 860)

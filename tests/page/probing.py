@@ -19,9 +19,9 @@ from PIL import Image
 from tests.chromium import Chromium
 from tests.page.newcomer import FINER
 from tests.rig.conftest import running_rig
-from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.config.rig import Transport
 from trocar.services.scenes.hand_motions import hand_motions
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.supervisor.page.page_place import page_file
 from trocar.services.visualization.web import build
 
 SIZE = (640, 560)

@@ -14,7 +14,7 @@ from pathlib import Path
 from tests.chromium import Chromium
 from tests.patience import PATIENCE_S
 from tests.visualization.test_view_server import Show
-from trocar.services.supervisor.page_place import DIST
+from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.visualization.picture import Picture, PictureLayout
 
 SIZE = (1024, 768)

@@ -13,7 +13,7 @@ import pytest
 from tests import chromium
 from tests.chromium import Chromium
 from tests.patience import PATIENCE_S
-from trocar.services.supervisor.page_place import DIST
+from trocar.services.supervisor.page.page_place import DIST
 
 pytestmark = [
     pytest.mark.timeout(600),

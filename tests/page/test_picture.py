@@ -19,7 +19,7 @@ from tests.page.served_picture import drawn, served
 from tests.patience import PATIENCE_S
 from tests.visualization.likeness import Pixels, likeness, mean_likeness, picture
 from tests.visualization.test_render import a_scene
-from trocar.services.supervisor.page_place import DIST
+from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.visualization.picture import Picture, PictureLayout
 
 pytestmark = [

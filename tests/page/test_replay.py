@@ -21,8 +21,8 @@ from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.with_us import with_us
 from trocar.services.recordings.reader import read_messages
-from trocar.services.runtime.rig import Transport
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.supervisor.page.page_place import page_file
 
 pytestmark = [
     pytest.mark.timeout(600),

@@ -19,11 +19,11 @@ from tests.patience import PATIENCE_S
 from tests.supervisor.made_up import Bench, rig, shown
 from tests.visualization.test_view_server import Show
 from trocar.protocol import bodies
-from trocar.services.runtime.rig import Rig
-from trocar.services.runtime.web_certificate import Certificate, make
-from trocar.services.runtime.web_host import listen
-from trocar.services.supervisor.page_place import DIST
-from trocar.services.supervisor.web import PageContext, build_app
+from trocar.services.runtime.config.rig import Rig
+from trocar.services.runtime.web.web_certificate import Certificate, make
+from trocar.services.runtime.web.web_host import listen
+from trocar.services.supervisor.page.page_place import DIST
+from trocar.services.supervisor.page.web import PageContext, build_app
 
 pytestmark = pytest.mark.skipif(chromium.find() is None or not DIST.is_dir(), reason="there is no browser, or no page")
 _NOTED = """

@@ -12,12 +12,12 @@ from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess
 from trocar.protocol import TOPICS
 from trocar.protocol.bodies import GatewayState, InstrumentState, LocalModel
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics import __main__ as haptics
 from trocar.services.haptics.__main__ import Haptics
 from trocar.services.physics import __main__ as physics
 from trocar.services.physics.__main__ import Physics
-from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock
 from trocar.services.scenes import load_duct, load_scene
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
@@ -79,7 +79,7 @@ class Rig:
 def let_time_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let turns be made faster or slower than a rig's."""
     # The flood limit is tested elsewhere.
-    monkeypatch.setattr("trocar.services.runtime.bus.FLOOD_FACTOR", 1e6)
+    monkeypatch.setattr("trocar.services.runtime.bus.bus.FLOOD_FACTOR", 1e6)
     # A turn may take longer than a tick on a busy machine: what is old is decided by the test.
     monkeypatch.setitem(TOPICS, "physics.state", replace(TOPICS["physics.state"], stale_after_s=STALE_S))
 

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from tests.by_day import by_day
-from tests.preloaded import Preloaded
+from tests.kernels.preloaded import Preloaded
 from tests.scenes.test_hands import write_stl
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.compiled import KERNELS
 from trocar.services.mechanics.scene import DuctScene
 from trocar.services.mechanics.simulation.scene_duct import scene_mesh
-from trocar.services.runtime.config import config_directory
+from trocar.services.runtime.config.config import config_directory
 from trocar.services.scenes import load_scene
 from trocar.studies.first_uses import Plays
 

@@ -12,7 +12,7 @@ from tests.haptics.models import local_model
 from tests.physics.conftest import SMALL
 from trocar.protocol.bodies import InstrumentState, LocalModel, ToolReaction, ToolState
 from trocar.protocol.bodies.haptics import tool_table
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
 from trocar.services.mechanics.contact.lasting_compliance import LASTING_S
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct

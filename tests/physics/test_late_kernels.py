@@ -18,12 +18,12 @@ from typing import Any
 
 import pytest
 
+from tests.kernels.preloaded import Preloaded
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess
 from tests.physics.conftest import let_time_pass
-from tests.preloaded import Preloaded
 from trocar.protocol.bodies import GatewayState, InstrumentState
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics import __main__ as haptics_process
 from trocar.services.haptics.__main__ import Haptics
 from trocar.services.mechanics.compiled import KERNELS
@@ -34,8 +34,8 @@ from trocar.services.physics import __main__ as physics_process
 from trocar.services.physics.__main__ import Physics
 from trocar.services.physics.duct_alone_loop import STAGES as DUCT_STAGES
 from trocar.services.physics.duct_alone_loop import DuctAlonePhysics
-from trocar.services.runtime.config import config_directory
-from trocar.services.runtime.loop import LoopMeter, Tick, TickClock
+from trocar.services.runtime.config.config import config_directory
+from trocar.services.runtime.loop.loop import LoopMeter, Tick, TickClock
 from trocar.services.scenes import load_scene
 from trocar.services.scenes.hands import hands_of, out_of_the_way
 from trocar.services.scenes.ready import load_surface

@@ -16,8 +16,8 @@ from scipy.sparse import csc_array
 
 from tests.physics.conftest import SMALL
 from tests.whole_rig import RATE_N_S, WholeRig
-from trocar.services.gateway.instrument import PATIENCE_S
-from trocar.services.gateway.scene_hands import SceneHands
+from trocar.services.gateway.instruments.instrument import PATIENCE_S
+from trocar.services.gateway.motions.scene_hands import SceneHands
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from trocar.services.mechanics.fem.factorisation import factorise
@@ -25,7 +25,7 @@ from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_trans
 from trocar.services.mechanics.scenarios import insertion
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.scenes import load_scene
 from trocar.services.scenes.hand_motions import hand_motions
 from trocar.studies.accuracy.pinches import full_model

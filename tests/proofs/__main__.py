@@ -16,7 +16,7 @@ from benchmarks.report import describe_run, end_in_good_order
 from tests.proofs import faults, frames, hands, recordings, soak, two_hosts
 from tests.proofs.page import page
 from tests.proofs.trials import Ledger, counted, go_on, tried
-from trocar.services.atomic_file import atomic_file
+from trocar.services.files.atomic_file import atomic_file
 
 ROOT = Path(__file__).parents[2]
 LINES, PAGE = ROOT / "benchmarks" / "results" / "proofs", ROOT / "docs" / "results" / "proofs.md"

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from trocar.services.atomic_file import complete_lines
+from trocar.services.files.atomic_file import complete_lines
 
 
 @dataclass(frozen=True, slots=True)

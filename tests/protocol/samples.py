@@ -13,6 +13,7 @@ from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.haptics import tool_table
 from trocar.protocol.bodies.physics import reaction_table
 from trocar.protocol.fields import Field, Form, fields
+from trocar.services.runtime.loop.tick_grid import as_state
 
 INCARNATION = 0x1234_5678_9ABC
 
@@ -116,7 +117,8 @@ def body(name: str) -> msgspec.Struct:
     """Return the fixed body of a topic: one from here, else one that its fields give."""
     if name.endswith(".health"):
         return _health(name.split(".")[0])
-    return _BODIES.get(name) or example(TOPICS[name].body)
+    state = as_state(Frame(1, name, 1, 0, 0, 0, 0, True, None)).topic if name.endswith(".moment") else name
+    return _BODIES.get(state) or example(TOPICS[name].body)
 
 
 def example(kind: type[msgspec.Struct]) -> msgspec.Struct:

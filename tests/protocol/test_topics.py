@@ -7,8 +7,8 @@ import pytest
 from trocar.protocol import PROCESSES, TOPICS, topic
 from trocar.protocol.fields import fields, nested
 from trocar.protocol.topics import published_by, read_by
-from trocar.services.runtime.endpoints import endpoint
-from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.bus.endpoints import endpoint
+from trocar.services.runtime.config.rig import Transport
 
 
 def test_names_say_who_publishes() -> None:

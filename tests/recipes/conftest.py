@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.preloaded import Preloaded
+from tests.kernels.preloaded import Preloaded
 from tests.recipes.tree_copy import LIBRARIES, TreeCopy
 
 

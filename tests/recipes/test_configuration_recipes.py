@@ -11,8 +11,8 @@ pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles ane
 #: Physics as the observer sees it, until nobody asks any more.
 PHYSICS = """
 import time
-from trocar.services.runtime import config
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
 from tests.protocol.samples import physics_state
 bus = ZmqBus(config.load_rig("rig.yaml").transport, publishes=["physics.state"])
 for tick in range(1_000_000):
@@ -38,7 +38,8 @@ def test_a_scenario_is_a_file(tree: TreeCopy) -> None:
 def test_a_device_file_is_what_a_rig_names(tree: TreeCopy) -> None:
     tree.follow("Adding a device file")
     told = tree.python(
-        "from trocar.services.gateway.instrument import build_instruments; from trocar.services.runtime import config;"
+        "from trocar.services.gateway.instruments.instrument import build_instruments\n"
+        "from trocar.services.runtime.config import config\n"
         "print([each.arm.limits.max_force_n for each in build_instruments(config.load_rig('my-rig.yaml').gateway)])"
     )
     assert told.split() == ["[37.5,", "8.5]"]

@@ -11,7 +11,7 @@ from tests.recipes.tree_copy import TreeCopy
 pytestmark = pytest.mark.timeout(600)  # a changed copy of the tree compiles anew
 
 DRIVERS, BENCHES = Path("services/gateway/drivers"), Path("tests/gateway/benches")
-SUITE = "tests/gateway/test_driver_contract.py"
+SUITE = "tests/gateway/devices/test_driver_contract.py"
 
 #: What is spoiled in a copy of the recipe's driver, and the test of the contract that must see it.
 BROKEN = {

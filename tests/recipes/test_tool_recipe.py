@@ -15,8 +15,8 @@ from trocar.protocol.bodies import InstrumentState
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
-from trocar.services.runtime import config
-from trocar.services.runtime.scene_requirements import scene_requirements
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.scene_requirements import scene_requirements
 from trocar.services.scenes import load_scene
 from trocar.services.scenes.hands import hands_of
 from trocar.services.visualization.codec import decode_hello, encode_hello

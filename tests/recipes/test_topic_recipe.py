@@ -15,7 +15,7 @@ RUN = """
 import json, sys, threading, time
 from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.physics import Temperature
-from trocar.services.runtime.process import Options, load_process_config, open_process
+from trocar.services.runtime.process.process import Options, load_process_config, open_process
 
 def opened(name):
     return open_process(load_process_config(name, Options("rig.yaml", None, ())))
@@ -41,7 +41,8 @@ while not supervisor.stop() and time.monotonic() < until_s and len(found) < int(
             found[observer.name] = frame.body == body
 over.set()
 sender.join()
-from trocar.services.supervisor import dashboard, figures
+from trocar.services.supervisor.page import dashboard
+from trocar.services.supervisor.judge import figures
 from tests.health_reports import report_of
 windows = {name: figures.of(report_of(each.health)) for name, each in (("physics", physics), ("haptics", haptics))}
 found["dashboard"] = [row.publisher for row in dashboard.topic_rows(windows) if row.topic == topic]
@@ -60,8 +61,8 @@ print(len(messages), body.tick, body.temperature_k.view().tolist())
 
 WAIT = """
 import time
-from trocar.services.runtime import config
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
 bus = ZmqBus(config.load_rig("rig.yaml").transport, reads=["recorder.health"])
 recorded, until_ns = 0, time.monotonic_ns() + 400_000_000_000
 while recorded < 10 and bus.wait("recorder.health", until_ns):
@@ -82,7 +83,7 @@ def recipe(tree_of_module: TreeCopy) -> TreeCopy:
 def test_a_frame_goes_from_the_publisher_to_everybody_whom_the_row_names(recipe: TreeCopy) -> None:
     told = json.loads(recipe.python(RUN, "400", "3"))
     assert told == {"haptics": True, "visualization": True, "supervisor": True, "dashboard": ["physics"]}
-    recipe.pytest("tests/runtime/test_sockets_of_processes.py")
+    recipe.pytest("tests/runtime/bus/test_sockets_of_processes.py")
 
 
 def test_it_is_recorded_sniffed_and_written_down(recipe: TreeCopy) -> None:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
-from tests.preloaded import Preloaded
+from tests.kernels.preloaded import Preloaded
 from tests.with_us import with_us
 
 #: What a process of a copy imports that is not of the copy; bytecode lies beside its source then.

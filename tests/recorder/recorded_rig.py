@@ -18,7 +18,8 @@ from trocar.protocol import Frame, topic
 from trocar.protocol.bodies import GatewayState, InstrumentState
 from trocar.services.recorder.recording import RecordingWriter
 from trocar.services.recordings.provenance import machine, mechanics_digest
-from trocar.services.runtime import bus, config
+from trocar.services.runtime.bus import bus
+from trocar.services.runtime.config import config
 
 LADDER = "quality=[{name: full}, {name: steps of 2 ms, ticks_per_step: 2}]"
 RECORDED = ("gateway.state", "haptics.journal", "physics.journal", "physics.state", "haptics.contacts")

@@ -34,8 +34,8 @@ from trocar.services.recorder.recording import RecordingWriter
 from trocar.services.recordings.chunks import OpenChunk
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.summary import StoredEntries
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Transport
 
 __all__ = ["everybodys"]
 

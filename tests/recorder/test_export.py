@@ -13,7 +13,7 @@ from pyarrow import parquet
 
 from trocar.review.commands.export import run_export
 from trocar.review.export.film import write_film
-from trocar.services.extras import requirements_of
+from trocar.services.messages.extras import requirements_of
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.reader import read_messages
 from trocar.services.runtime.errors import ConfigError, MissingPackageError

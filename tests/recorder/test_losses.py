@@ -17,12 +17,12 @@ from trocar import protocol
 from trocar.protocol import bodies
 from trocar.services.recorder.__main__ import Recording, take
 from trocar.services.recorder.losses import DISK, QUEUES, Loss, Losses, counts
-from trocar.services.runtime import bus as bus_module
-from trocar.services.runtime import config
-from trocar.services.runtime.bus import Inbox, Outbox
-from trocar.services.runtime.health import HealthReporter
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus import bus as bus_module
+from trocar.services.runtime.bus.bus import Inbox, Outbox
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.runtime.process.health import HealthReporter
 
 STATE = "gateway.state"
 

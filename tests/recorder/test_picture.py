@@ -18,14 +18,14 @@ from tests.physics.conftest import SMALL
 from tests.protocol import samples
 from trocar.protocol.arrays import pack
 from trocar.protocol.bodies import Catheter, Duct, GatewayState, InstrumentState
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.recorder import attachments
 from trocar.services.recorder.picture import PictureRecorder
 from trocar.services.recorder.recording import RecordingWriter
 from trocar.services.recordings.reader import read_extras
 from trocar.services.recordings.repair import repair
 from trocar.services.recordings.scene_update import LOG, SCENE, TRANSFORMS, SceneDrawing
-from trocar.services.runtime.config import load_rig
+from trocar.services.runtime.config.config import load_rig
 from trocar.services.scenes import load_duct, load_scene
 
 MS = 1_000_000

@@ -26,10 +26,10 @@ from trocar.services.physics.__main__ import Physics
 from trocar.services.physics.replaying import ReplayedPhysics
 from trocar.services.recordings.inputs import RecordedInputs, read_inputs
 from trocar.services.recordings.schedule import read_schedule
-from trocar.services.runtime.health import HealthReporter
-from trocar.services.runtime.loop import LoopMeter, follow
-from trocar.services.runtime.rig import ReplaySettings, Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import ReplaySettings, Transport
+from trocar.services.runtime.loop.loop import LoopMeter, follow
+from trocar.services.runtime.process.health import HealthReporter
 
 
 @dataclass

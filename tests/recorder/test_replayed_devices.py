@@ -12,8 +12,8 @@ import pytest
 from trocar.services.gateway import replaying
 from trocar.services.gateway.replaying import Replay
 from trocar.services.recordings.inputs import read_inputs
-from trocar.services.runtime.loop import LoopMeter
-from trocar.services.runtime.rig import ReplaySettings
+from trocar.services.runtime.config.rig import ReplaySettings
+from trocar.services.runtime.loop.loop import LoopMeter
 
 
 class _Rig:

@@ -21,17 +21,18 @@ from tests.physics.conftest import SMALL
 from tests.recorder.recorded_rig import RECORDED
 from tests.whole_rig import WholeRig, rig_file
 from trocar.protocol.bodies import GatewayState
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.gateway import replaying
 from trocar.services.gateway.drivers.phantom_simulated import Driver
-from trocar.services.gateway.scene_hands import SceneHands
+from trocar.services.gateway.motions.scene_hands import SceneHands
 from trocar.services.haptics import __main__ as haptics_process
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.physics import __main__ as physics_process
 from trocar.services.recorder.recording import RecordingWriter
 from trocar.services.recordings.provenance import machine, mechanics_digest
-from trocar.services.runtime import config, loop
-from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.services.runtime.config import config
+from trocar.services.runtime.loop import loop
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock
 from trocar.services.scenes import load_duct, load_scene
 
 PRESS = Path(__file__).parents[1] / "rig" / "press.yaml"

@@ -16,9 +16,9 @@ from starlette.types import ASGIApp
 
 from tests.patience import PATIENCE_S
 from tests.supervisor.made_up import rig
-from trocar.services.runtime.web_certificate import Certificate
-from trocar.services.runtime.web_host import listen
-from trocar.services.supervisor.web import PageContext, build_app
+from trocar.services.runtime.web.web_certificate import Certificate
+from trocar.services.runtime.web.web_host import listen
+from trocar.services.supervisor.page.web import PageContext, build_app
 
 TOKEN = "of the whole class 7"
 

@@ -24,14 +24,17 @@ from tests.chromium import Chromium, find
 from tests.patience import PATIENCE_S
 from tests.review.benches import made_up
 from tests.review.class_of_pages import TOKEN, rigs, served, state, until, write_roll
+from trocar.protocol import bodies
 from trocar.review.attempts.store.attempts import Store
 from trocar.review.classroom import watch
 from trocar.review.classroom.app import Classroom, build_app
 from trocar.review.classroom.roll import ClassRig
 from trocar.review.classroom.watch import Watch
-from trocar.services.runtime import web_certificate
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.web_certificate import own_names
+from trocar.services.runtime.web import web_certificate
+from trocar.services.runtime.web.web_certificate import own_names
+from trocar.services.supervisor.control.commands import Command
+from trocar.services.supervisor.page.web import PageContext
 from trocar.services.training.score import Score
 
 _WITH = {"X-Trocar-Token": TOKEN}
@@ -360,3 +363,70 @@ def test_a_picture_comes_from_the_port_that_the_rig_announces_and_nowhere_else(a
             finally:
                 made.close()
     assert len(asked) == (0 if why else 1)
+
+
+def _acting(context: PageContext, asked: list[Command], seconds: float = 0.0) -> None:
+    """Let a rig take commands of the class, and answer each after so long."""
+
+    def ask(command: Command) -> bodies.Answer:
+        time.sleep(seconds)
+        asked.append(command)
+        return bodies.Answer(order=0, ok=True, text="done here")
+
+    context.ask, context.class_token = ask, TOKEN
+
+
+def test_an_instructor_commands_one_bench_or_all_from_the_desk(tmp_path: Path) -> None:
+    with rigs(10) as (contexts, addresses):
+        asked: list[list[Command]] = [[] for _ in contexts]
+        for context, commands in zip(contexts, asked, strict=True):
+            context.latest = state(incarnation=7, t=1.0)
+            _acting(context, commands)
+        file = write_roll(tmp_path / "class.toml", addresses)
+        with _shown(file) as (_, address):
+            until(lambda: all(row["state"] != "silent" for row in _rows(address).values()), "all ten answer")
+            one = {"what": "order", "word": "pause", "rigs": ["bench-3"], "by": "dr-b"}
+            assert httpx.post(f"{address}/api/act", json=one).status_code == 403
+            said = httpx.post(f"{address}/api/act", json=one, headers=_WITH, timeout=PATIENCE_S).json()["outcomes"]
+            assert said == [{"rig": "bench-3", "ok": True, "text": "done here"}]
+            assert [len(each) for each in asked] == [0, 0, 0, 1, 0, 0, 0, 0, 0, 0]
+            (order,) = asked[3]
+            assert (order.what, order.order.what if order.order else "", order.incarnation) == ("attempt", "pause", 7)
+            every = {"what": "order", "word": "new"}
+            said = httpx.post(f"{address}/api/act", json=every, headers=_WITH, timeout=PATIENCE_S).json()["outcomes"]
+            assert [each["ok"] for each in said] == [True] * 10
+            assert min(map(len, asked)) == 1
+            acts = _get(f"{address}/api/journal", headers=_WITH).json()
+            assert [(each["by"], each["word"], len(each["outcomes"])) for each in acts] == [
+                ("instructor", "new", 10), ("dr-b", "pause", 1),
+            ]  # fmt: skip
+
+
+def test_a_bench_that_has_another_token_or_is_gone_holds_up_no_other(tmp_path: Path) -> None:
+    with rigs(3) as (contexts, addresses):
+        asked: list[Command] = []
+        for context in contexts:
+            context.latest = state(incarnation=7, t=1.0)
+        _acting(contexts[0], asked)
+        file = write_roll(tmp_path / "class.toml", [*addresses, "http://127.0.0.1:9"])
+        with _shown(file) as (_, address):
+            until(lambda: len([r for r in _rows(address).values() if r["state"] != "silent"]) == 3, "three answer")
+            act = {"what": "order", "word": "new"}
+            said = httpx.post(f"{address}/api/act", json=act, headers=_WITH, timeout=PATIENCE_S).json()["outcomes"]
+            assert [each["ok"] for each in said] == [True, False, False, False]
+            assert "token" in said[1]["text"]
+            assert said[3]["text"].startswith("does not answer")
+            assert len(asked) == 1
+
+
+def test_the_class_table_needs_a_database_and_the_token(tmp_path: Path) -> None:
+    with Store(str(tmp_path / "a.sqlite")) as store:
+        store.add(made_up("a"), "heron-17", tmp_path / "a.mcap")
+    with rigs(1) as (_, addresses):
+        with _shown(write_roll(tmp_path / "without.toml", addresses)) as (_, address):
+            assert _get(f"{address}/school/class", headers=_WITH).status_code == 409
+        more = f'database = "{tmp_path / "a.sqlite"}"'
+        with _shown(write_roll(tmp_path / "with.toml", addresses, more=more)) as (_, address):
+            assert _get(f"{address}/school/class").status_code == 403
+            assert [each["trainee"] for each in _get(f"{address}/school/class", headers=_WITH).json()] == ["heron-17"]
+            assert "heron-17" in _get(f"{address}/school/export/csv", headers=_WITH).text

@@ -19,8 +19,8 @@ from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import TOKEN, served, until, write_roll
 from tests.rig.conftest import SCENE, Rig, running_rig
 from trocar.review.classroom.app import Classroom, build_app
-from trocar.services.runtime.rig import Transport
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.supervisor.page.page_place import page_file
 
 pytestmark = [pytest.mark.rig, pytest.mark.long, pytest.mark.timeout(900)]
 _WITH = {"X-Trocar-Token": TOKEN}

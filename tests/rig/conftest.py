@@ -15,9 +15,9 @@ from pathlib import Path
 from tests.ports import free_port
 from tests.with_us import with_us
 from trocar.protocol.bodies import GatewayState, PhysicsState, SupervisorState
-from trocar.services.runtime.endpoints import lock_holders
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.endpoints import lock_holders
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Transport
 
 HERE = Path(__file__).parent
 SCENE = HERE.parent / "scenes" / "small.yaml"

@@ -13,9 +13,9 @@ import numpy as np
 
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig, Sample
-from trocar.services.gateway.servo_law import MAX_STEP_S
+from trocar.services.gateway.servo.servo_law import MAX_STEP_S
 from trocar.services.mechanics.scene import ForcepsScene
-from trocar.services.runtime.config import load_rig
+from trocar.services.runtime.config.config import load_rig
 
 #: Of the gateway, each of a millisecond or more, in which force is gone: the ttl of models, and to let go. Counted in
 #: these, as a machine that stands still runs none; figures in time are in benchmarks/.

@@ -10,7 +10,7 @@ import pytest
 
 from tests.rig.conftest import Rig, running_rig
 from trocar.protocol.bodies import PhysicsState
-from trocar.services.runtime.flight import flight_directory
+from trocar.services.runtime.measures.flight import flight_directory
 
 pytestmark = pytest.mark.timeout(600)
 

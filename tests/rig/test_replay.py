@@ -19,8 +19,8 @@ from tests.recorder.conftest import recorded
 from tests.with_us import with_us
 from trocar.protocol.bodies import PhysicsState
 from trocar.services.recordings.inputs import RecordedInputs, read_inputs
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Transport
 
 __all__ = ["recorded"]
 pytestmark = pytest.mark.timeout(900)

@@ -21,9 +21,9 @@ from tests.ports import free_port
 from tests.rig.conftest import SCENE, START_S, Observer
 from tests.rig.faults import HARD
 from tests.with_us import with_us
-from trocar.services.runtime import keys
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus import keys
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Transport
 
 HERE = Path(__file__).parent
 PORT = 23_000

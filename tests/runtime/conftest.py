@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.patience import PATIENCE_S
-from trocar.services.runtime.rig import Transport
+from trocar.services.runtime.config.rig import Transport
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from tests.other_user import as_other_user, everybodys, needs_other_user
-from trocar.services.runtime import endpoints
+from trocar.services.runtime.bus import endpoints
+from trocar.services.runtime.config.rig import Transport
 from trocar.services.runtime.errors import BusError
 from trocar.services.runtime.private_directory import open_private, open_text
-from trocar.services.runtime.rig import Transport
-from trocar.services.supervisor.page_place import page_file, write_page_file
+from trocar.services.supervisor.page.page_place import page_file, write_page_file
 
 __all__ = ["everybodys"]
 

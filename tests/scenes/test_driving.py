@@ -13,11 +13,11 @@ from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_catheter import place_catheter
 from trocar.services.mechanics.surface.centreline import centrelines
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_scene
 from trocar.services.scenes.hands import hands_of
 from trocar.services.scenes.ready import load_duct, load_surface
-from trocar.services.tube_paths import TubePaths
 
 
 def deepest_m(simulation):

@@ -13,7 +13,7 @@ from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.effects.mucus_drag import MucusDragSettings
 from trocar.services.mechanics.scenarios import insertion_scene, miss
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import check_duct, load_duct, load_scene, scene_file_type, scene_origins
 from trocar.studies.paper_scene import paper_scene

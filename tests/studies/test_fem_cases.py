@@ -10,7 +10,7 @@ import yaml
 from tests.by_day import by_day
 from tests.studies.fem_files import DUCT, changed, clamped, held, run, square, surface_case, write
 from trocar.services.mechanics.surface.mesh import TriangleMesh
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 from trocar.studies.commands.fem import fem_command
 from trocar.studies.fem import run as fem_run

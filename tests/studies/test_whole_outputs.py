@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.by_day import by_day
-from trocar.services.atomic_file import atomic_file, complete_lines
+from trocar.services.files.atomic_file import atomic_file, complete_lines
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from trocar.services.meshes.writing import write_vtu
 from trocar.studies.accuracy.facts import Facts

@@ -10,10 +10,12 @@ from pathlib import Path
 import pytest
 
 from tests.supervisor.fakes import Fakes
-from trocar.services.runtime import bus
-from trocar.services.runtime.process import Options
-from trocar.services.supervisor import page, session, supervisor
-from trocar.services.supervisor.fork_link import ForkServer
+from trocar.services.runtime.bus import bus
+from trocar.services.runtime.process.process import Options
+from trocar.services.supervisor import session
+from trocar.services.supervisor.control import supervisor
+from trocar.services.supervisor.crew.fork_link import ForkServer
+from trocar.services.supervisor.page import page
 
 
 @pytest.fixture(autouse=True)

@@ -20,8 +20,8 @@ from tests.protocol import samples
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.runtime import log
 from trocar.services.runtime.errors import ConfigError, EndOfRig
-from trocar.services.runtime.loop import LoopMeter, ticks
-from trocar.services.runtime.process import Process, main
+from trocar.services.runtime.loop.loop import LoopMeter, ticks
+from trocar.services.runtime.process.process import Process, main
 
 RATE_HZ = float(os.environ.get("FAKE_RATE", "200"))
 

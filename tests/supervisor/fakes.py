@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tests.patience import PATIENCE_S
-from trocar.services.runtime.process import Options
+from trocar.services.runtime.process.process import Options
 from trocar.services.supervisor import session
-from trocar.services.supervisor.fork_link import ForkServer
-from trocar.services.supervisor.processes import TABLE, ProcessSpec
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.supervisor.control.supervisor import Supervisor
+from trocar.services.supervisor.crew.fork_link import ForkServer
+from trocar.services.supervisor.crew.processes import TABLE, ProcessSpec
+from trocar.services.supervisor.judge.state_machine import RigState
 
 HERE = Path(__file__).parent
 Scenario = Iterator[None]

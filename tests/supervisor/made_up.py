@@ -10,13 +10,13 @@ from pathlib import Path
 import trocar.protocol.bodies as bodies
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.protocol import samples
-from trocar.services.runtime.histogram import LatencyHistogram
-from trocar.services.runtime.rig import Rig
-from trocar.services.supervisor.dashboard import Heard, Snapshot, snapshot
-from trocar.services.supervisor.governor import Level
-from trocar.services.supervisor.page_link import RigStatus
-from trocar.services.supervisor.processes import TABLE, ProcessSpec
-from trocar.services.supervisor.supervisor import Setup, Supervisor
+from trocar.services.runtime.config.rig import Rig
+from trocar.services.runtime.measures.histogram import LatencyHistogram
+from trocar.services.supervisor.control.supervisor import Setup, Supervisor
+from trocar.services.supervisor.crew.processes import TABLE, ProcessSpec
+from trocar.services.supervisor.judge.governor import Level
+from trocar.services.supervisor.page.dashboard import Heard, Snapshot, snapshot
+from trocar.services.supervisor.page.page_link import RigStatus
 
 MS = 1_000_000
 

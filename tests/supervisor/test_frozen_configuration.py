@@ -11,13 +11,13 @@ import pytest
 import yaml
 
 from tests.supervisor.fakes import Fakes, Scenario, until, until_running
-from trocar.services.gateway.device_files import ArmFile
-from trocar.services.runtime import config
+from trocar.services.gateway.devices.device_files import ArmFile
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.process import Options, load_process_config, parse
-from trocar.services.runtime.rig import Rig
+from trocar.services.runtime.process.process import Options, load_process_config, parse
 from trocar.services.supervisor import frozen_configuration
-from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.supervisor.control.supervisor import Supervisor
 from trocar.services.training.scenario import load_scenario, scenario_of
 
 SCENE = "catheter: {}\nduct: {mesh_file: wall.stl}\n"

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import pytest
 
 from tests.supervisor.made_up import Bench, rig
+from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.run_report import RunReport
-from trocar.services.supervisor.state_machine import RigState
 
 _TURN_S = 0.05
 #: Longer than any window of figures.

@@ -15,11 +15,11 @@ from tests.real_time import fifo_is_granted
 from tests.supervisor.fakes import Fakes, Scenario, gone, page_servers, until, until_running
 from trocar.services.runtime.errors import BusError
 from trocar.services.supervisor import session
-from trocar.services.supervisor.fork_link import ForkServer
-from trocar.services.supervisor.member import MemberState
-from trocar.services.supervisor.page import Page
-from trocar.services.supervisor.state_machine import RigState
-from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.supervisor.control.supervisor import Supervisor
+from trocar.services.supervisor.crew.fork_link import ForkServer
+from trocar.services.supervisor.crew.member import MemberState
+from trocar.services.supervisor.judge.state_machine import RigState
+from trocar.services.supervisor.page.page import Page
 
 
 @pytest.fixture
@@ -73,8 +73,8 @@ def test_a_rig_whose_place_for_flights_is_taken_by_somebody_runs_and_ends_all_th
     """In ``/dev/shm`` another user may have been there first: nothing can be looked at, nothing is to be removed."""
     (tmp_path / f"trocar-{os.getuid()}").mkdir()
     (tmp_path / f"trocar-{os.getuid()}").chmod(0o777)
-    monkeypatch.setattr("trocar.services.runtime.flight._MEMORY", tmp_path)
-    monkeypatch.setattr("trocar.services.runtime.flight.is_memory", lambda _directory: False)
+    monkeypatch.setattr("trocar.services.runtime.measures.flight._MEMORY", tmp_path)
+    monkeypatch.setattr("trocar.services.runtime.measures.flight.is_memory", lambda _directory: False)
     fakes.play(until_running)
 
 

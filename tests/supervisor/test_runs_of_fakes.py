@@ -27,11 +27,12 @@ from tests.ports import base_port
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, page_servers, until, until_running
 from tests.with_us import with_us
 from trocar.services.cli.arm import RigPage, ask_at
-from trocar.services.runtime import config
-from trocar.services.runtime.zmq_bus import ZmqBus
-from trocar.services.supervisor import run_report, silence
-from trocar.services.supervisor.fork_link import ForkServer
-from trocar.services.supervisor.supervisor import Supervisor
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config import config
+from trocar.services.supervisor import run_report
+from trocar.services.supervisor.control.supervisor import Supervisor
+from trocar.services.supervisor.crew import silence
+from trocar.services.supervisor.crew.fork_link import ForkServer
 
 __all__ = ["trocar"]
 
@@ -86,7 +87,7 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
 def test_a_process_that_does_not_end_is_killed_and_counts_no_longer(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("trocar.services.supervisor.crew.END_S", 1.5)
+    monkeypatch.setattr("trocar.services.supervisor.crew.crew.END_S", 1.5)
     report: list[run_report.RunReport] = []
     pids: list[int] = []
     asked_to_end_s: list[float] = []
@@ -111,7 +112,7 @@ import sys
 sys.path.insert(0, {root!r})
 from pathlib import Path
 from tests.supervisor.fakes import Fakes
-from trocar.services.runtime.process import Options
+from trocar.services.runtime.process.process import Options
 from trocar.services.supervisor import session
 from trocar.services.cli import up, validation
 from trocar.services.visualization.web import build

@@ -12,15 +12,15 @@ from trocar.protocol import Frame
 from trocar.protocol.bodies import GatewayState
 from trocar.review.attempts.assess import Message, Terms, assess
 from trocar.review.attempts.assessment import Assessment
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.simulation import Simulation
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.scenes.hands import hands_of
 from trocar.services.training.attempt import FollowedAttempt
 from trocar.services.training.rig_observer import RigObserver
 from trocar.services.training.scenario import Scenario
 from trocar.services.training.score import load_rules
-from trocar.services.tube_paths import TubePaths
 
 #: Of the hands' script in the stub rig.
 PACE = 0.2

@@ -14,12 +14,12 @@ from tests.memory_process import MemoryProcess
 from trocar.protocol import TOPICS
 from trocar.protocol.bodies import GatewayState, InstrumentState
 from trocar.protocol.bodies.training import Attempt
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics import __main__ as haptics
 from trocar.services.mechanics.scenarios import PlayedScene
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.physics import __main__ as physics
-from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock
 from trocar.services.scenes import load_duct
 from trocar.services.scenes.duct_file import duct_file
 from trocar.services.training.site import Site, read_site
@@ -87,7 +87,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def be_patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let frames of memory be as old as a busy machine makes them."""
-    monkeypatch.setattr("trocar.services.runtime.bus.FLOOD_FACTOR", 1e6)
+    monkeypatch.setattr("trocar.services.runtime.bus.bus.FLOOD_FACTOR", 1e6)
     for name in FAST:
         monkeypatch.setitem(TOPICS, name, replace(TOPICS[name], stale_after_s=60.0))
 

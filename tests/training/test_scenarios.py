@@ -10,7 +10,7 @@ import pytest
 from tests.training.hands_attempt import attempt_of_hands
 from tests.training.simulated import patient
 from trocar.services.cli.attempt import made_of
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_scene
 from trocar.services.training.scenario import ASSUMPTION, LIMITS, load_scenario, scenario_names, scenario_of

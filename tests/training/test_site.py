@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.surface.opening import mouth_opening
-from trocar.services.runtime import scene_findings
+from trocar.services.runtime.config import scene_findings
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.scenes.duct_file import duct_file

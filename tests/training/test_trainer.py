@@ -14,7 +14,8 @@ import pytest
 from tests.protocol import samples
 from trocar.protocol import Frame, bodies
 from trocar.protocol.arrays import pack
-from trocar.services.runtime.config import load_rig
+from trocar.services.meshes.tube_paths import TubePaths
+from trocar.services.runtime.config.config import load_rig
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.training import __main__ as training_process
 from trocar.services.training.errors import ErrorEvent
@@ -23,7 +24,6 @@ from trocar.services.training.scenario import Goal, Scenario
 from trocar.services.training.score import load_rules
 from trocar.services.training.site import Site
 from trocar.services.training.trainer import Trainer
-from trocar.services.tube_paths import TubePaths
 
 SCENARIO = Scenario(
     name="basic", title="Slide it in", scene="default", goal=Goal(depth_m=0.01, hold_s=0.5), hint="Grasp it."
@@ -253,8 +253,8 @@ def test_the_process_does_as_its_rig_says(monkeypatch: pytest.MonkeyPatch) -> No
     made: list[float | None] = []
 
     class Kept(Trainer):
-        def __init__(self, scenario: Scenario | None, again_after_s: float | None, *more: Any) -> None:
-            super().__init__(scenario, again_after_s, *more)
+        def __init__(self, scenario: Scenario | None, again_after_s: float | None, *more: Any, **named: Any) -> None:
+            super().__init__(scenario, again_after_s, *more, **named)
             made.append(self._again_after_s)
 
     monkeypatch.setattr(training_process, "Trainer", Kept)

@@ -9,7 +9,7 @@ import pytest
 
 from trocar.protocol import bodies
 from trocar.protocol.arrays import pack
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.bodies.wall_motion import wall_motion
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.scenes import load_duct, load_scene

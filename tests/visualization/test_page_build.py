@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from trocar.services.runtime.web_headers import policy_of_files
+from trocar.services.runtime.web.web_headers import policy_of_files
 from trocar.services.visualization.web import build
 
 

@@ -8,9 +8,9 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 import trocar.services.visualization.feed as feed_module
-from trocar.services.runtime.health import LatencyPath
-from trocar.services.runtime.histogram import LatencyHistogram
-from trocar.services.runtime.rig import SupervisorSettings
+from trocar.services.runtime.config.rig import SupervisorSettings
+from trocar.services.runtime.measures.histogram import LatencyHistogram
+from trocar.services.runtime.process.health import LatencyPath
 from trocar.services.visualization import server
 from trocar.services.visualization.__main__ import composing_hz
 from trocar.services.visualization.feed import IN_FLIGHT, Feed, FeedMessage, Feeds

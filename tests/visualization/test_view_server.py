@@ -17,11 +17,11 @@ from websockets.sync.client import ClientConnection, connect
 from tests.patience import PATIENCE_S
 from tests.visualization.test_view_codec import a_layout, a_picture
 from trocar.protocol import bodies
+from trocar.services.runtime.config.rig import ViewSettings
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.health import LatencyPath
-from trocar.services.runtime.histogram import LatencyHistogram
-from trocar.services.runtime.rig import ViewSettings
-from trocar.services.runtime.web_certificate import Certificate
+from trocar.services.runtime.measures.histogram import LatencyHistogram
+from trocar.services.runtime.process.health import LatencyPath
+from trocar.services.runtime.web.web_certificate import Certificate
 from trocar.services.visualization import codec
 from trocar.services.visualization.feed import IN_FLIGHT
 from trocar.services.visualization.outputs import WebOutput

@@ -26,8 +26,8 @@ from tests.virtual_display import VirtualDisplay
 from trocar.services.mechanics.scene import ForcepsScene
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from trocar.services.runtime.errors import DeviceError
-from trocar.services.runtime.health import LatencyPath
-from trocar.services.runtime.histogram import LatencyHistogram
+from trocar.services.runtime.measures.histogram import LatencyHistogram
+from trocar.services.runtime.process.health import LatencyPath
 from trocar.services.visualization import tool_pose
 from trocar.services.visualization import window as window_output
 from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape

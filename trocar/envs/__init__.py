@@ -11,7 +11,7 @@ rig. Needs the package gymnasium, which the extra ``envs`` brings.
 
 from __future__ import annotations
 
-from trocar.services.extras import how_to_get
+from trocar.services.messages.extras import how_to_get
 
 try:
     import gymnasium
@@ -20,6 +20,8 @@ except ModuleNotFoundError as error:
         f"trocar.envs needs the package 'gymnasium': {how_to_get('gymnasium')}", name=error.name
     ) from None
 
+from trocar.envs.batch import Batch
+from trocar.envs.ducts import Ducts
 from trocar.envs.expert import Expert
 from trocar.envs.hands import HandLimits
 from trocar.envs.insertion import Insertion
@@ -28,14 +30,21 @@ from trocar.envs.randomisation import Randomisation
 from trocar.envs.state import View
 from trocar.envs.task import Task, TaskOptions
 
-gymnasium.register("trocar/Insertion-v0", entry_point="trocar.envs.insertion:Insertion", max_episode_steps=750)
-gymnasium.register("trocar/Navigation-v0", entry_point="trocar.envs.navigation:Navigation", max_episode_steps=1500)
+for _name, _steps in (("Insertion", 750), ("Navigation", 1500)):
+    gymnasium.register(
+        f"trocar/{_name}-v0",
+        entry_point=f"trocar.envs.{_name.lower()}:{_name}",
+        vector_entry_point=f"trocar.envs.batch:{_name.lower()}s",
+        max_episode_steps=_steps,
+    )
 
 #: Public because signatures of the others name it: to be asked of, not made.
-NAMED_ONLY = frozenset({"View"})
+NAMED_ONLY = frozenset({"Ducts", "View"})
 
 __all__ = [
+    "Batch",
     "DriveLimits",
+    "Ducts",
     "Expert",
     "HandLimits",
     "Insertion",

@@ -65,7 +65,7 @@ def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> Clone
 
     Args:
         observations: (n, s) array
-        actions: (n, ...) array
+        actions: (n, ...) array. Rounded to single precision, in which an environment takes them and datasets keep them.
         seed: int. Seed of the random features.
     """
     random = np.random.default_rng(seed)
@@ -73,7 +73,7 @@ def clone(observations: FloatArray, actions: FloatArray, seed: int = 0) -> Clone
     spread = np.where(spread > _SMALLEST, spread, np.inf)  # ignores constant components
     frequencies = random.normal(0.0, 1.0 / WIDTH, (observations.shape[1], N_FEATURES))
     phases = random.uniform(0.0, 2.0 * np.pi, N_FEATURES)
-    flat = actions.reshape(len(actions), -1)
+    flat = actions.reshape(len(actions), -1).astype(np.float32).astype(np.float64)
     features = _features((observations - middle) / spread, frequencies, phases)
     normal = features.T @ features + RIDGE * len(features) / N_FEATURES * np.eye(features.shape[1])
     weights = cho_solve(cho_factor(normal), features.T @ flat)

@@ -9,7 +9,7 @@ import numpy as np
 import trocar
 from trocar.services.mechanics.arrays import Float32Array, FloatArray
 from trocar.services.mechanics.scene.tools import ToolInputs
-from trocar.services.tube_paths import TubePaths
+from trocar.services.meshes.tube_paths import TubePaths
 
 if TYPE_CHECKING:
     from trocar.envs.task import Task

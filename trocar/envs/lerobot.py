@@ -18,6 +18,7 @@ import numpy.typing as npt
 from trocar.envs.demonstrations import Demonstration, action_names, force_names, read_attempts, state_names
 from trocar.envs.picture import recorded_camera
 from trocar.review.export.pictures import film_info, write_pictures
+from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 
 Values = npt.NDArray[Any]
@@ -77,6 +78,32 @@ def export_dataset(
         raise ConfigError(f"{', '.join(map(str, files))}: no attempt is in it")
     dataset.close()
     return f"{folder}: {len(dataset.lengths)} episodes, {sum(dataset.lengths)} moments at {fps} a second"
+
+
+def read_dataset(folder: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return observations (n, s) and actions (n, tools, 5) of a dataset of version 3.0 made by `export_dataset`.
+
+    They are what `trocar.envs.cloning.read_demonstrations` returns of the recordings, actions rounded to single
+    precision.
+
+    Raises ConfigError if the folder holds no such dataset, MissingPackageError if a package is not installed.
+    """
+    try:
+        from pyarrow import parquet
+    except ModuleNotFoundError:
+        raise MissingPackageError("lerobot", "pyarrow") from None
+    files = sorted((folder / "data").glob("chunk-*/file-*.parquet"))
+    if not files:
+        raise ConfigError(f"{folder}: holds no dataset of LeRobot 3.0")
+    columns = "observation.state", "action"
+    try:
+        tables = [parquet.read_table(file, columns=list(columns)) for file in files]
+        states, actions = (
+            np.concatenate([np.array(table[name].to_pylist(), np.float64) for table in tables]) for name in columns
+        )
+        return states, actions.reshape(len(actions), N_TOOLS, -1)
+    except (OSError, ValueError, KeyError) as error:
+        raise ConfigError(f"{folder}: is no dataset of an insertion: {error}") from None
 
 
 class Dataset:

@@ -11,9 +11,9 @@ from trocar.protocol.bodies import GatewayState, PhysicsState, ToolContacts
 from trocar.protocol.bodies.physics import REACTION_FORCE
 from trocar.protocol.topics import TICK_S
 from trocar.services.mechanics.arrays import Float32Array, FloatArray
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.training.scenario import Goal
 from trocar.services.training.site import Site
-from trocar.services.tube_paths import TubePaths
 
 N_POINTS = 8
 SPACING_M = 5e-3

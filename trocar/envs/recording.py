@@ -18,8 +18,8 @@ from trocar.services.recorder.picture import PictureRecorder
 from trocar.services.recorder.recording import RecordingWriter
 from trocar.services.recordings.provenance import machine, mechanics_digest
 from trocar.services.recordings.scene_update import SceneDrawing
-from trocar.services.runtime import config
-from trocar.services.runtime.journal import JournalWriter
+from trocar.services.runtime.bus.journal import JournalWriter
+from trocar.services.runtime.config import config
 
 _WAITING_BYTES = 1 << 20
 """Bytes pending above which an episode, which is faster than the clock, waits for the disk and loses nothing."""

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
+from trocar.envs.ducts import OF_THIS_PROCESS, Ducts, SharedDuct
 from trocar.envs.grips import Grips
-from trocar.services.cache_directory import cache_directory
 from trocar.services.mechanics.reduction import ReducedDuct
-from trocar.services.mechanics.reduction.build import ignore_progress
-from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.snapshot import Snapshot
+from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.scenes import load_duct, load_scene
-from trocar.services.scenes.duct_file import duct_file
-from trocar.services.training.site import Site, read_site
-from trocar.services.tube_paths import TubePaths
+from trocar.services.scenes import load_scene
+from trocar.services.training.site import Site
 
 
 class Stage:
@@ -26,17 +21,23 @@ class Stage:
     Args:
         name, overrides: The scene, as for `trocar.load_scene`.
         quality: int, optional. Quality level of the scene; None for the last.
+        ducts: Ducts, optional. Where its duct is kept, with those of other stages; None for those of the process.
 
     Attributes:
         simulation: Simulation. At rest after `begin`.
         grips: Grips. Grasps of its tools.
-        site: Site. Site of the duct, as read from a recording.
-        ways: TubePaths. Paths from its mouth to its ends.
     """
 
-    def __init__(self, name: str | Path, overrides: tuple[str, ...] = (), quality: int | None = None) -> None:
+    def __init__(
+        self,
+        name: str | Path,
+        overrides: tuple[str, ...] = (),
+        quality: int | None = None,
+        ducts: Ducts | None = None,
+    ) -> None:
         self.name, self._overrides, self._quality = name, overrides, quality
-        self._wall: tuple[object, ...] = ()
+        self._ducts = ducts or OF_THIS_PROCESS
+        self._shared: SharedDuct | None = None
         self._drawn: tuple[str, ...] | None = None
         self.begin()
 
@@ -63,32 +64,35 @@ class Stage:
         self.level = len(scene.quality) - 1 if self._quality is None else self._quality
         if not 0 <= self.level < len(scene.quality):
             raise ConfigError(f"quality: scene {self.name} has rungs 0 to {len(scene.quality) - 1}, not {self.level}")
-        wall = scene.duct, scene.effects
-        if wall != self._wall:
-            self.duct = _load(scene)
-            self._attached = duct_file(self.duct)
-            self.site, self._wall = _site(self._attached), wall
-            self.ways = TubePaths({name: np.array(way) for name, way in self.site.ways.items()})
-        self.scene, self._drawn = scene, drawn
-        self.simulation = Simulation(scene, self.duct)
-        self._snapshot = Snapshot(
-            self.simulation, (scene, self.simulation.scene, self.duct, self.simulation.duct.reduced)
-        )
+        if self._shared is None or not self._shared.is_of(scene):
+            self._shared = self._ducts.load(scene)
+        self.scene, self._drawn, duct = scene, drawn, self._shared.duct
+        self.simulation = Simulation(scene, duct)
+        self._snapshot = Snapshot(self.simulation, (scene, self.simulation.scene, duct, self.simulation.duct.reduced))
         self.simulation.set_quality(self.level)
-        self.grips = Grips(self.simulation.scene, self.duct)
+        self.grips = Grips(self.simulation.scene, duct)
+
+    @property
+    def _own(self) -> SharedDuct:
+        assert self._shared is not None
+        return self._shared
+
+    @property
+    def duct(self) -> ReducedDuct:
+        """The duct, of this scene and perhaps of others."""
+        return self._own.duct
+
+    @property
+    def site(self) -> Site:
+        """Site of the duct, as read from a recording."""
+        return self._own.site
+
+    @property
+    def ways(self) -> TubePaths:
+        """Paths from the mouth of the duct to its ends."""
+        return self._own.ways
 
     @property
     def duct_file(self) -> bytes:
         """The duct's attachment of a recording."""
-        return self._attached
-
-
-def _load(scene: SceneModel) -> ReducedDuct:
-    return load_duct(scene, cache_directory(), ignore_progress)
-
-
-def _site(attached: bytes) -> Site:
-    try:
-        return read_site(attached)
-    except ValueError as error:
-        raise ConfigError(str(error)) from None
+        return self._own.attached

@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium import spaces
 
 import trocar
+from trocar.envs.ducts import Ducts
 from trocar.envs.episode import FAST, Episode, Verdict
 from trocar.envs.hands import DeviceHands
 from trocar.envs.picture import Camera
@@ -41,6 +42,7 @@ class TaskOptions(TypedDict, total=False):
     step_s: float
     image_size: tuple[int, int]
     render_mode: str | None
+    ducts: Ducts | None
 
 
 class Task(gymnasium.Env[Any, Any]):
@@ -60,6 +62,7 @@ class Task(gymnasium.Env[Any, Any]):
         step_s: float. Duration of an action, a multiple of 4 ms up to 40; the procedure observes once a step.
         image_size: tuple of int. Width and height.
         render_mode: {"rgb_array"}, optional
+        ducts: Ducts, optional. Where its duct is kept; None for the ducts of the process, which all environments share.
 
     Attributes:
         hands: DeviceHands. The hands, moved by actions.
@@ -86,6 +89,7 @@ class Task(gymnasium.Env[Any, Any]):
         step_s: float = 0.02,
         image_size: tuple[int, int] = (96, 96),
         render_mode: str | None = None,
+        ducts: Ducts | None = None,
     ) -> None:
         self.render_mode = render_mode
         self._ticks = _ticks_of(step_s)
@@ -93,7 +97,7 @@ class Task(gymnasium.Env[Any, Any]):
         self.scenario, self._rules = load_scenario(scenario), load_rules()
         fixed = (*self.scenario.set, *overrides)
         self._randomisation = Randomisation(self.scenario.scene, randomise or {}, fixed)
-        self._stage = Stage(self.scenario.scene, fixed, quality)
+        self._stage = Stage(self.scenario.scene, fixed, quality, ducts)
         self._image_size = image_size
         self._record = Path(record) if record is not None else None
         self._camera: Camera | None = None

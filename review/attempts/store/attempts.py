@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import re
+import time
 import warnings
 import zlib
 from collections.abc import Callable, Collection, Sequence
@@ -25,7 +26,7 @@ from trocar.review.attempts.store.erasing import erase_rows, number_of, plan_era
 from trocar.review.attempts.store.migrate import migrate
 from trocar.review.attempts.store.recordings import Erased, Plan, reason_of, remove, to_stored
 from trocar.review.attempts.store.rows import DAMAGED, Query, read_rows, to_record, unreadable
-from trocar.review.attempts.store.tables import StoredAttempt, Trainee
+from trocar.review.attempts.store.tables import Note, StoredAttempt, Trainee
 
 __all__ = ["ENVIRONMENT", "Listed", "Store", "StoreError", "UnknownError", "default_url"]
 _PSEUDONYM = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}", re.IGNORECASE | re.ASCII)
@@ -57,6 +58,17 @@ class Listed(msgspec.Struct, frozen=True):
     errors: int
     critical: int
     recording: str
+
+
+class Said(msgspec.Struct, frozen=True):
+    """A note: `data` is what its kind has."""
+
+    attempt: int | None
+    trainee: str
+    kind: str
+    by: str
+    at_ns: int
+    data: Any
 
 
 class _Whole(msgspec.Struct, frozen=True):
@@ -132,6 +144,40 @@ class Store:
 
     def _insert(self, table: type[Trainee | StoredAttempt]) -> Any:
         return _INSERTS["sqlite" if self._database.is_sqlite else "postgresql"](table)
+
+    def enrol(self, trainee: str) -> None:
+        """Make a trainee known who has no attempt yet."""
+        _look_at_pseudonym(trainee)
+        with self._database.writing() as session:
+            self._trainee_id(session, trainee)
+
+    def trainees(self) -> list[str]:
+        """Return all pseudonyms."""
+        with self._database.reading() as session:
+            return list(session.scalars(select(Trainee.pseudonym).order_by(Trainee.pseudonym)))
+
+    def note(self, kind: str, by: str, data: object, *, trainee: str = "", attempt: int | None = None) -> None:
+        """Keep what somebody says of an attempt, or of a trainee. Raises StoreError if there is none."""
+        with self._database.writing() as session:
+            if attempt is not None:
+                owner = session.scalar(select(StoredAttempt.trainee_id).where(StoredAttempt.id == attempt))
+                if owner is None:
+                    raise UnknownError(f"there is no attempt {attempt}")
+            else:
+                owner = number_of(session, trainee)
+            text = msgspec.json.encode(data).decode()
+            session.add(
+                Note(trainee_id=owner, attempt_id=attempt, kind=kind, by=by[:64], at_ns=time.time_ns(), data=text)
+            )
+
+    def notes(self, *, kind: str | None = None, trainee: str | None = None, attempt: int | None = None) -> list[Said]:
+        """Return what was said, oldest first."""
+        query = select(Note.attempt_id, Trainee.pseudonym, Note.kind, Note.by, Note.at_ns, Note.data)
+        query = query.join(Trainee, Trainee.id == Note.trainee_id).order_by(Note.id)
+        for column, value in ((Note.kind, kind), (Trainee.pseudonym, trainee), (Note.attempt_id, attempt)):
+            query = query if value is None else query.where(column == value)
+        with self._database.reading() as session:
+            return [Said(*row[:5], msgspec.json.decode(row[5])) for row in session.execute(query)]
 
     def kept_of(self, found: Assessment) -> str | None:
         """Return whose an attempt is, None if it was never kept."""

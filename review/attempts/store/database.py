@@ -19,7 +19,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 from sqlalchemy.orm import Session
 
-from trocar.services.exit_codes import ExitCode
+from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.runtime.errors import MissingPackageError, UserError
 
 ENVIRONMENT = "TROCAR_ATTEMPTS"

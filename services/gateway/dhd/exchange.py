@@ -8,7 +8,7 @@ from ctypes import c_double
 from dataclasses import dataclass
 
 from trocar.services.gateway.dhd.library import Library, State
-from trocar.services.runtime.rig import Vector3
+from trocar.services.runtime.config.rig import Vector3
 
 #: Exchanges from one look at the states to the next.
 _LOOK_EVERY = 20

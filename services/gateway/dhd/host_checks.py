@@ -7,9 +7,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from trocar.services.gateway.devices.host_check import HostCheck, text_of
+from trocar.services.gateway.devices.vendor_library import run_apart
 from trocar.services.gateway.dhd.library import Library
-from trocar.services.gateway.host_check import HostCheck, text_of
-from trocar.services.gateway.vendor_library import run_apart
 from trocar.services.runtime.errors import DeviceError
 
 #: Vendor and product on USB, None for any product: Force Dimension, and the Falcon behind its FTDI chip.

@@ -7,7 +7,7 @@ from ctypes import POINTER, c_bool, c_byte, c_char_p, c_double, c_int, c_ubyte, 
 from enum import IntEnum
 from typing import Any
 
-from trocar.services.gateway.vendor_library import declare_functions, load_library
+from trocar.services.gateway.devices.vendor_library import declare_functions, load_library
 from trocar.services.runtime.errors import DeviceError
 
 #: File name by the vendor's SDK, with or without its links.

@@ -7,12 +7,12 @@ import os
 import threading
 from collections import deque
 
-from trocar.services.gateway.asked_arm import Answer
-from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.devices.asked_arm import Answer
+from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.dhd.exchange import Device, Sample
 from trocar.services.gateway.dhd.library import Library
+from trocar.services.runtime.config.rig import Vector3
 from trocar.services.runtime.errors import DeviceError
-from trocar.services.runtime.rig import Vector3
 
 #: An order is trusted for so long; a gateway that stands still gives the hand nothing.
 STALE_NS = 20_000_000

@@ -7,8 +7,8 @@ from typing import Annotated
 from pydantic import Field
 
 from trocar.services.gateway.dhd.library import DEFAULT
-from trocar.services.runtime.bounds import between
-from trocar.services.runtime.rig import Settings
+from trocar.services.runtime.config.bounds import between
+from trocar.services.runtime.config.rig import Settings
 
 
 class DhdSettings(Settings):

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trocar.services.gateway import driver
-from trocar.services.gateway.asked_arm import Answer, AskedArm, Link
-from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.asked_arm import Answer, AskedArm, Link
+from trocar.services.gateway.devices.device_files import ArmFile
+from trocar.services.gateway.devices.driver import Place
+from trocar.services.gateway.devices.grip_roll import GripRoll
+from trocar.services.gateway.devices.host_check import HostCheck
 from trocar.services.gateway.dhd import host_checks
 from trocar.services.gateway.dhd.server import DeviceServer, as_answer, join_server, leave_server
 from trocar.services.gateway.dhd.settings import DhdSettings
-from trocar.services.gateway.driver import Place
-from trocar.services.gateway.grip_roll import GripRoll
-from trocar.services.gateway.host_check import HostCheck
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import DriverSettings, Vector3
 from trocar.services.runtime.errors import DeviceError
-from trocar.services.runtime.rig import DriverSettings, Vector3
 
 _PART = "arm"
 _FAMILIES = ("omega", "sigma", "delta", "lambda", "falcon")

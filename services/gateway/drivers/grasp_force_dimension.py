@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from trocar.services.gateway import driver
-from trocar.services.gateway.background_open import BackgroundOpen
-from trocar.services.gateway.device_files import GripperFile
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.background_open import BackgroundOpen
+from trocar.services.gateway.devices.device_files import GripperFile
+from trocar.services.gateway.devices.driver import GraspHandle, HandleLimits, Place
 from trocar.services.gateway.dhd.server import DeviceServer, current_server, join_server, leave_server
 from trocar.services.gateway.dhd.settings import DhdSettings
-from trocar.services.gateway.driver import GraspHandle, HandleLimits, Place
-from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
-from trocar.services.gateway.velocity_filter import butterworth, low_pass
+from trocar.services.gateway.servo.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.gateway.servo.velocity_filter import butterworth, low_pass
 from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.runtime.config.rig import DriverSettings
 from trocar.services.runtime.errors import DeviceError
-from trocar.services.runtime.rig import DriverSettings
 
 #: Time of reads without an opening after which it is not used, and most that counts of the time from read to read, as
 #: in a longer one this process was busy; how far an opening may be beyond the device file's widest, as a share.

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from trocar.services.gateway import driver, input_events
-from trocar.services.gateway.driver import Place
-from trocar.services.gateway.steering import Axes, JawSettings, SteeredGrasp
-from trocar.services.runtime.rig import DriverSettings
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.driver import Place
+from trocar.services.gateway.hands import input_events
+from trocar.services.gateway.hands.steering import Axes, JawSettings, SteeredGrasp
+from trocar.services.runtime.config.rig import DriverSettings
 
 #: Left and right trigger, under any of their names; on pads without, the buttons in their place.
 TRIGGERS: tuple[Axes, ...] = (

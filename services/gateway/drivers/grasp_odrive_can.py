@@ -12,18 +12,19 @@ from typing import Annotated, Any
 import can
 from pydantic import Field, field_validator
 
-from trocar.services.gateway import can_checks, canbus, cansimple, driver
-from trocar.services.gateway.background_open import BackgroundOpen
-from trocar.services.gateway.cansimple import AxisError, AxisState
-from trocar.services.gateway.device_files import GraspFile
-from trocar.services.gateway.driver import GraspHandle, HandleLimits, Place
-from trocar.services.gateway.host_check import HostCheck
-from trocar.services.gateway.odrive_link import OdriveLink
-from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.gateway.can import can_checks, canbus, cansimple
+from trocar.services.gateway.can.cansimple import AxisError, AxisState
+from trocar.services.gateway.can.odrive_link import OdriveLink
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.background_open import BackgroundOpen
+from trocar.services.gateway.devices.device_files import GraspFile
+from trocar.services.gateway.devices.driver import GraspHandle, HandleLimits, Place
+from trocar.services.gateway.devices.host_check import HostCheck
+from trocar.services.gateway.servo.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import DriverSettings, Settings
 from trocar.services.runtime.errors import DeviceError
-from trocar.services.runtime.rig import DriverSettings, Settings
 
 _ARM_TIMEOUT_S = _VERSION_TIMEOUT_S = 0.5
 #: How far below zero a handle pressed shut may be, as a share of its largest angle.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from trocar.services.gateway import driver
-from trocar.services.gateway.driver import GraspHandle, Place
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.driver import GraspHandle, Place
+from trocar.services.gateway.devices.recording import Track, read_hand
 from trocar.services.gateway.drivers.replay import ArmReplaySettings
-from trocar.services.gateway.recording import Track, read_hand
-from trocar.services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.gateway.servo.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime.rig import DriverSettings
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 class Driver(GraspHandle):

@@ -8,16 +8,17 @@ from pathlib import Path
 import can
 from pydantic import Field
 
-from trocar.services.gateway import driver, drives, hand_motion
-from trocar.services.gateway.device_files import GraspFile
-from trocar.services.gateway.drive_orders import BeginAgain, GoOn, SetPace
-from trocar.services.gateway.driver import Place
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.device_files import GraspFile
+from trocar.services.gateway.devices.driver import Place
 from trocar.services.gateway.drivers.grasp_odrive_can import OdriveGrasp
-from trocar.services.gateway.hand_motion import HandMotion
-from trocar.services.gateway.script import SCENE
-from trocar.services.runtime.bounds import Core, Pace, Priority, Turn
+from trocar.services.gateway.motions.script import SCENE
+from trocar.services.gateway.simulated import drives, hand_motion
+from trocar.services.gateway.simulated.drive_orders import BeginAgain, GoOn, SetPace
+from trocar.services.gateway.simulated.hand_motion import HandMotion
+from trocar.services.runtime.config.bounds import Core, Pace, Priority, Turn
+from trocar.services.runtime.config.rig import DriverSettings, Settings
 from trocar.services.runtime.errors import DeviceError
-from trocar.services.runtime.rig import DriverSettings, Settings
 
 _REPOSITORY = Path(__file__).resolve().parents[3]
 

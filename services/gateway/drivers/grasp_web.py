@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from trocar.services.gateway import driver
-from trocar.services.gateway.driver import Place
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.driver import Place
 from trocar.services.gateway.drivers.web import hand_of
-from trocar.services.gateway.hand_grasp import HandGrasp, HandGraspSettings
-from trocar.services.runtime.rig import DriverSettings
+from trocar.services.gateway.hands.hand_grasp import HandGrasp, HandGraspSettings
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 class Driver(HandGrasp):

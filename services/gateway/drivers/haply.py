@@ -7,16 +7,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from trocar.services.gateway import driver
-from trocar.services.gateway.asked_arm import AskedArm, Link
-from trocar.services.gateway.device_files import ArmFile
-from trocar.services.gateway.driver import Place
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.asked_arm import AskedArm, Link
+from trocar.services.gateway.devices.device_files import ArmFile
+from trocar.services.gateway.devices.driver import Place
+from trocar.services.gateway.devices.host_check import HostCheck
 from trocar.services.gateway.haply import host_checks
 from trocar.services.gateway.haply.opening import DEFAULT_PORT, Wanted, open_arm
-from trocar.services.gateway.host_check import HostCheck
-from trocar.services.runtime import config
-from trocar.services.runtime.bounds import between
-from trocar.services.runtime.rig import DriverSettings, Settings
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.bounds import between
+from trocar.services.runtime.config.rig import DriverSettings, Settings
 
 _PORT = between(1, 65535, "", "TCP has no other ports")
 _SHARE = between(0.0, 1.0, "", "an arm bears none to all of its weight")

@@ -8,18 +8,18 @@ import numpy as np
 from pydantic import Field
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
-from trocar.services.gateway import driver
-from trocar.services.gateway.device_files import ArmFile
-from trocar.services.gateway.driver import Arm, Place
-from trocar.services.gateway.engagement import SMALL_FORCE_N
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.device_files import ArmFile
+from trocar.services.gateway.devices.driver import Arm, Place
+from trocar.services.gateway.devices.host_check import HostCheck
 from trocar.services.gateway.hdapi import cells, exchange, host_checks, session
 from trocar.services.gateway.hdapi.constants import Calibration, Style, describe
 from trocar.services.gateway.hdapi.error_stack import unreachable
 from trocar.services.gateway.hdapi.library import DEFAULT
 from trocar.services.gateway.hdapi.open_arm import OpenArm, Terms
 from trocar.services.gateway.hdapi.reopening import Reopening
-from trocar.services.gateway.host_check import HostCheck
-from trocar.services.gateway.servo_arrays import (
+from trocar.services.gateway.servo.engagement import SMALL_FORCE_N
+from trocar.services.gateway.servo.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_DEMAND,
     MEMORY_SIZE,
@@ -29,9 +29,9 @@ from trocar.services.gateway.servo_arrays import (
     READ_TEMPERATURE,
 )
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
+from trocar.services.runtime.config.rig import DriverSettings, Settings
 from trocar.services.runtime.errors import DeviceError
-from trocar.services.runtime.rig import DriverSettings, Settings
 
 #: How long a started scheduler may take until its first call, and a released arm until it is free of force.
 _START_S, _LET_GO_S = 1.0, 0.05

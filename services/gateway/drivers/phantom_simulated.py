@@ -8,17 +8,19 @@ import numpy as np
 from pydantic import Field
 
 from trocar.protocol.topics import TICK_S
-from trocar.services.gateway import driver, pose, premium_model, simulated_arm
-from trocar.services.gateway.arm_tick import ArmTick, tick_arm
-from trocar.services.gateway.device_files import ArmFile
-from trocar.services.gateway.driver import Arm, Place
-from trocar.services.gateway.script import ROLL, SCENE, Player, read_player
-from trocar.services.gateway.servo_arrays import READ_ROLL, READ_SIZE
-from trocar.services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.device_files import ArmFile
+from trocar.services.gateway.devices.driver import Arm, Place
+from trocar.services.gateway.motions.script import ROLL, SCENE, Player, read_player
+from trocar.services.gateway.servo import pose
+from trocar.services.gateway.servo.servo_arrays import READ_ROLL, READ_SIZE
+from trocar.services.gateway.simulated import premium_model, simulated_arm
+from trocar.services.gateway.simulated.arm_tick import ArmTick, tick_arm
+from trocar.services.gateway.simulated.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime.bounds import Pace, Share, between
+from trocar.services.runtime.config.bounds import Pace, Share, between
+from trocar.services.runtime.config.rig import DriverSettings, Settings
 from trocar.services.runtime.errors import ConfigError
-from trocar.services.runtime.rig import DriverSettings, Settings
 
 _TICK_NS = 1_000_000
 #: Most ticks simulated at once: the arm of a process that was stopped resumes where it was.
@@ -185,7 +187,9 @@ class Driver(Arm):
 def choose_player(settings: ArmSettings, place: Place) -> Player | None:
     """Return the player that moves the hand of this instrument, None if it holds still."""
     if settings.scenario is not None:
-        from trocar.services.gateway.scenario_script import scenario_player  # only here: it imports the mechanics
+        from trocar.services.gateway.motions.scenario_script import (
+            scenario_player,  # only here: it imports the mechanics
+        )
 
         return scenario_player(settings.scenario, place.index, place.port_m, settings.pace)
     if settings.script == SCENE:

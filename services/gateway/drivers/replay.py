@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.gateway import driver, premium_model
-from trocar.services.gateway.driver import Arm, ArmLimits, Place
-from trocar.services.gateway.recording import Track, read_hand
-from trocar.services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.driver import Arm, ArmLimits, Place
+from trocar.services.gateway.devices.recording import Track, read_hand
+from trocar.services.gateway.servo.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
+from trocar.services.gateway.simulated import premium_model
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.runtime.rig import DriverSettings, Settings
+from trocar.services.runtime.config.rig import DriverSettings, Settings
 
 COLUMNS = ("time_s", "x_m", "y_m", "z_m")
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trocar.services.gateway import driver, input_events
-from trocar.services.gateway.driver import Place
-from trocar.services.gateway.host_check import HostCheck
-from trocar.services.gateway.steering import Axes, SteeredArm, SteeringSettings, check_inputs
-from trocar.services.runtime.rig import DriverSettings
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.driver import Place
+from trocar.services.gateway.devices.host_check import HostCheck
+from trocar.services.gateway.hands import input_events
+from trocar.services.gateway.hands.steering import Axes, SteeredArm, SteeringSettings, check_inputs
+from trocar.services.runtime.config.rig import DriverSettings
 
 #: The cap's own axes are x to the right, y to the user, z down. Kernels report them as relative or as absolute axes.
 CAP: dict[str, Axes] = {

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from trocar.protocol.bodies import Hands, HandTarget
-from trocar.services.gateway import driver
-from trocar.services.gateway.driver import Place
-from trocar.services.gateway.hand_arm import HandArm, HandSettings
-from trocar.services.runtime.rig import DriverSettings
+from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.driver import Place
+from trocar.services.gateway.hands.hand_arm import HandArm, HandSettings
+from trocar.services.runtime.config.rig import DriverSettings
 
 TOPIC = "visualization.hands"
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from trocar.services.gateway.asked_arm import Answer, Link
+from trocar.services.gateway.devices.asked_arm import Answer, Link
 from trocar.services.gateway.haply.channel import Channel
 from trocar.services.gateway.haply.grip import Grip
 from trocar.services.gateway.haply.messages import ArmEntry, Filters, Gravity, Told, force_message, understand
-from trocar.services.runtime.rig import Vector3
+from trocar.services.runtime.config.rig import Vector3
 
 #: Answers of a tick that are looked at.
 _MOST = 8

@@ -9,7 +9,7 @@ from websockets.frames import Opcode
 from websockets.protocol import OPEN
 from websockets.uri import parse_uri
 
-from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.devices.clock import Clock
 
 #: Bytes read in a tick, so that a flood cannot take the core; and the longest message: of ten devices, 20 kB.
 _READ, _LONGEST = 1 << 17, 1 << 17

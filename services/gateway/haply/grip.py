@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from trocar.services.gateway.grip_roll import GripRoll
+from trocar.services.gateway.devices.grip_roll import GripRoll
 from trocar.services.gateway.haply.messages import GripEntry, Wxyz
 
 #: How far from one the norm of an orientation may be.

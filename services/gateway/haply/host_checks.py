@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trocar.services.gateway.clock import REAL_TIME
+from trocar.services.gateway.devices.clock import REAL_TIME
+from trocar.services.gateway.devices.host_check import HostCheck
 from trocar.services.gateway.haply.messages import Told
 from trocar.services.gateway.haply.opening import list_devices
-from trocar.services.gateway.host_check import HostCheck
 from trocar.services.runtime.errors import DeviceError
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from trocar.services.runtime.rig import Vector3
+from trocar.services.runtime.config.rig import Vector3
 
 #: Under which keys the service lists arms, and grips.
 ARMS, GRIPS = ("inverse3", "inverse3x", "minverse"), ("wireless_verse_grip", "verse_grip", "custom_verse_grip")

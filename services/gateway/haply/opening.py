@@ -10,7 +10,7 @@ from typing import Literal
 
 import msgspec
 
-from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.haply.arm_link import ArmLink
 from trocar.services.gateway.haply.channel import Channel, open_channel
 from trocar.services.gateway.haply.grip import Grip
@@ -24,8 +24,8 @@ from trocar.services.gateway.haply.messages import (
     settings_message,
     understand,
 )
+from trocar.services.runtime.config.rig import Vector3
 from trocar.services.runtime.errors import DeviceError
-from trocar.services.runtime.rig import Vector3
 
 DEFAULT_PORT = 10001
 _TIMEOUT_S, _TURN_S = 2.0, 1e-3

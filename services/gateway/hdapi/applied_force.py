@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
-from trocar.services.gateway.engagement import SMALL_FORCE_N
 from trocar.services.gateway.hdapi import native
 from trocar.services.gateway.hdapi.cells import (
     FORCE,
@@ -34,8 +33,9 @@ from trocar.services.gateway.hdapi.cells import (
     ServoCell,
 )
 from trocar.services.gateway.hdapi.constants import FORCE_OUTPUT, Calibration, Parameter
-from trocar.services.gateway.pose import force_to_arm, to_world
-from trocar.services.gateway.servo_arrays import (
+from trocar.services.gateway.servo.engagement import SMALL_FORCE_N
+from trocar.services.gateway.servo.pose import force_to_arm, to_world
+from trocar.services.gateway.servo.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_DEMAND,
     MEMORY_FORCE,
@@ -49,8 +49,8 @@ from trocar.services.gateway.servo_arrays import (
     NOW_TEMPERATURE,
     NOW_TTL,
 )
-from trocar.services.gateway.servo_law import servo_force
-from trocar.services.gateway.slew import slew_vector
+from trocar.services.gateway.servo.servo_law import servo_force
+from trocar.services.gateway.servo.slew import slew_vector
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
 from trocar.services.gateway.hdapi.handover import Box
-from trocar.services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, MEMORY_TORQUE, NOW_SIZE
+from trocar.services.gateway.servo.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, MEMORY_TORQUE, NOW_SIZE
 from trocar.services.mechanics.arrays import FloatArray, IntArray, LongArray
 from trocar.services.mechanics.compiled.struct import Struct, reader
 

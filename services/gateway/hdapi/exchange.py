@@ -31,7 +31,7 @@ from trocar.services.gateway.hdapi.cells import (
     port_at,
 )
 from trocar.services.gateway.hdapi.handover import put, take
-from trocar.services.gateway.servo_arrays import (
+from trocar.services.gateway.servo.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_REFUSED,
     MEMORY_RESERVED,

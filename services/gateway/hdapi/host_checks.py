@@ -7,10 +7,10 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from trocar.services.gateway.devices.host_check import HostCheck, text_of
+from trocar.services.gateway.devices.vendor_library import run_apart
 from trocar.services.gateway.hdapi.constants import Parameter
 from trocar.services.gateway.hdapi.library import Library
-from trocar.services.gateway.host_check import HostCheck, text_of
-from trocar.services.gateway.vendor_library import run_apart
 from trocar.services.runtime.errors import DeviceError
 
 #: Vendor and product of USB arms; sources disagree on one that has them the other way round. None: any product.

@@ -6,8 +6,8 @@ import ctypes
 from ctypes import POINTER, c_char_p, c_double, c_int, c_uint, c_ulong, c_ushort, c_void_p
 from typing import Any
 
+from trocar.services.gateway.devices.vendor_library import declare_functions, load_library
 from trocar.services.gateway.hdapi.constants import INVALID_HANDLE, Parameter, describe
-from trocar.services.gateway.vendor_library import declare_functions, load_library
 from trocar.services.runtime.errors import DeviceError
 
 #: File name by the vendor's installer, with or without its links.

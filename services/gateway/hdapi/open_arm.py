@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.hdapi import cells
 from trocar.services.gateway.hdapi.cells import ArmCell, Functions, Port
 from trocar.services.gateway.hdapi.constants import STYLES, Parameter, Style
 from trocar.services.gateway.hdapi.handover import Box
 from trocar.services.gateway.hdapi.library import Library
-from trocar.services.gateway.pose import pack_mount
-from trocar.services.gateway.velocity_filter import butterworth
-from trocar.services.runtime.rig import Mount, Vector3
+from trocar.services.gateway.servo.pose import pack_mount
+from trocar.services.gateway.servo.velocity_filter import butterworth
+from trocar.services.runtime.config.rig import Mount, Vector3
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from trocar.services.gateway.background_open import BackgroundOpen
-from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.devices.background_open import BackgroundOpen
+from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.hdapi.cells import ArmCell, ServoCell
 from trocar.services.gateway.hdapi.open_arm import OpenArm
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from numba import types
 
-from trocar.services.gateway.hand_reach import REACH_M_S
+from trocar.services.gateway.devices.hand_reach import REACH_M_S
 from trocar.services.gateway.hdapi import native
 from trocar.services.gateway.hdapi.applied_force import apply_order, give_up
 from trocar.services.gateway.hdapi.cells import (
@@ -56,10 +56,10 @@ from trocar.services.gateway.hdapi.cells import (
 from trocar.services.gateway.hdapi.constants import CALLBACK_CONTINUE, CALLBACK_DONE, Calibration, Parameter, Style
 from trocar.services.gateway.hdapi.error_stack import drain, unreachable
 from trocar.services.gateway.hdapi.handover import put, take
-from trocar.services.gateway.servo_arrays import MEMORY_TORQUE
-from trocar.services.gateway.servo_law import MAX_STEP_S
-from trocar.services.gateway.velocity_filter import design, low_pass
-from trocar.services.gateway.write_span import FORGOTTEN
+from trocar.services.gateway.servo.servo_arrays import MEMORY_TORQUE
+from trocar.services.gateway.servo.servo_law import MAX_STEP_S
+from trocar.services.gateway.servo.velocity_filter import design, low_pass
+from trocar.services.gateway.servo.write_span import FORGOTTEN
 from trocar.services.mechanics import compiled
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.gateway.clock import Clock
+from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.hdapi.cells import ArmCell, Functions, ServoCell
 from trocar.services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
 from trocar.services.gateway.hdapi.error_stack import unreachable

@@ -16,6 +16,7 @@ from trocar.services.mechanics.reduction.modal_state import ModalIntegrator, Mod
 from trocar.services.mechanics.reduction.newmark import Newmark, newmark_step
 from trocar.services.mechanics.reduction.node_compliance import Loads
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.viscoelastic import ViscousModes
 
 _NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
 
@@ -45,6 +46,7 @@ class DuctBody:
             `hold`.
         removed_half_impulse: (r,) float64. Rates that `remove_half_impulse` has subtracted at the start of this step.
         terms: the wall's terms beyond the linear modes, see `wall_terms`; None where nobody has brought any.
+        viscous: ViscousModes or None. What lags of the linear modes, of a wall that relaxes.
         taken: (r,) float64. Change of the rates at the end of the last step, see `pay_for_impulses`.
     """
 
@@ -77,6 +79,7 @@ class DuctBody:
         self.lasting_loads = _NO_LOADS
         self._loads, self.loads_address = loads, loads.address
         self.terms: Any = None
+        self.viscous: ViscousModes | None = None
         self.kept_address = self._motion.kept_address
 
     def set_constant_load(self, nodal_n: FloatArray) -> None:
@@ -128,6 +131,21 @@ class DuctBody:
         """
         self.lasting_loads = loads
         self._motion.add_residual((nodes, weights), loads, (out, self._ignored_motion[: len(nodes)]))
+
+    def turn_to_wall(self, nodes: IntArray, forces: FloatArray) -> FloatArray:
+        """Return forces (k, 3) on nodes (k,) along the axes of the wall at rest, which its sections turn: a copy.
+
+        What a wall does by itself is told along these: laws of its shape, and what lags in it.
+        """
+        own = forces.copy()
+        self._motion.turn_to_wall(nodes, own)
+        return own
+
+    def turn_to_world(self, nodes: IntArray, forces: FloatArray) -> FloatArray:
+        """Return forces (k, 3) along world axes, of those along the axes of the wall: a copy."""
+        there = forces.copy()
+        self._motion.turn_to_world(nodes, there)
+        return there
 
     def replace_loads(self, count: int) -> None:
         """Set the number of loads after a caller has rewritten ``load_nodes`` and ``load_force_n``."""

@@ -45,6 +45,12 @@ class PointCompliance:
         self._scaled_modes = np.zeros(3 * n_points * reduced.basis.n_modes)
         self._source = np.zeros(n_points, np.int32)
 
+    def turn_to_wall(self, nodes: IntArray, vectors: FloatArray) -> None:
+        """Turn vectors (k, 3) of nodes (k,), in place, from world axes into those of the wall, which are the same."""
+
+    def turn_to_world(self, nodes: IntArray, vectors: FloatArray) -> None:
+        """Turn vectors back, in place."""
+
     def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Call `add_residual`; see there."""
         self.add_residual(points, loads, out)
@@ -118,6 +124,14 @@ class TurnedMotion(PointCompliance):
     def update(self, q: FloatArray) -> None:
         """Compute the sections' positions and rotations at q."""
         self._frame.update(q)
+
+    def turn_to_wall(self, nodes: IntArray, vectors: FloatArray) -> None:
+        """Turn vectors (k, 3) of nodes (k,), in place, from world axes into those of their sections at rest."""
+        self._frame.turn_back(nodes, vectors, vectors)
+
+    def turn_to_world(self, nodes: IntArray, vectors: FloatArray) -> None:
+        """Turn vectors back, in place."""
+        self._frame.turn_vectors(nodes, vectors, vectors)
 
     def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
         """Write the same as `StraightMotion.gather`; ``motion`` is q of `update` and its change."""

@@ -31,10 +31,9 @@ from trocar.services.mechanics.compiled.struct import Struct
 from trocar.services.mechanics.compiled.vectors import along, dot, put_row, row, row_of
 from trocar.services.mechanics.reduction.large_rotations.warping_kernels import place_node, turn_vector
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
-from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between, own_softness
+from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between
+from trocar.services.mechanics.reduction.residual.cached_rows import MAX_ROWS, CachedRows
 
-#: Maximum size of the cache of residual blocks (65 MB), and of cached rows, one for each loaded node.
-MAX_BLOCKS, MAX_ROWS = 1_800_000, 128
 #: Up to here the simpler bound does: lists allow for ten times as much.
 COARSE_M = 25e-6
 #: Error of f . R f with blocks in single precision, relative to the square of the simpler sum.
@@ -78,10 +77,13 @@ _SHARED = "blocks", "known", "row_of", "kept", "next_row", "softness"
 
 
 def place_wall(duct: ReducedDuct, like: PlacedWall | None = None) -> PlacedWall:
-    """Return the undeformed wall of a duct; the cache of the residual may be that of another wall of it."""
+    """Return the undeformed wall of a duct.
+
+    The cache of the residual is that of another wall of it, else the duct's own if it has one, else a new one.
+    """
     n = duct.mesh.n_vertices
     rest, Phi = np.ascontiguousarray(duct.mesh.vertices_m), np.ascontiguousarray(duct.basis.Phi)
-    shared = _residual(duct) if like is None else {name: getattr(like, name) for name in _SHARED}
+    shared = _rows(duct) if like is None else {name: getattr(like, name) for name in _SHARED}
     bounds = wall_bounds(duct, None if like is None else like.bounds)
     given = {"rest": rest, "Phi": Phi, "position": rest.copy(), "bounds": bounds, "store": duct.residual.store}
     wall: PlacedWall = PlacedWall.zeros(n=n, r=Phi.shape[2], l=2 * n, c=4 * n, **given, **shared)
@@ -89,20 +91,8 @@ def place_wall(duct: ReducedDuct, like: PlacedWall | None = None) -> PlacedWall:
     return wall
 
 
-def _residual(duct: ReducedDuct) -> dict[str, AnyArray]:
-    """Return a cache of the residual's rows: empty, or all rows if the residual is stored in full."""
-    residual, n = duct.residual, duct.mesh.n_vertices
-    is_whole = len(residual.blocks) == n * n and residual.blocks.dtype == np.float32
-    k = n if is_whole else max(min(MAX_ROWS, MAX_BLOCKS // n), 1)
-    nodes, none = np.arange(n, dtype=np.int32), np.int32(-1)
-    return {
-        "kept": nodes.copy() if is_whole else np.full(k, none),
-        "row_of": nodes if is_whole else np.full(n, none),
-        "next_row": np.zeros(1, np.int32),
-        "known": np.full(k * n, is_whole, np.int8),
-        "blocks": residual.blocks if is_whole else np.zeros((k * n, 3, 3), np.float32),
-        "softness": np.sqrt(own_softness(residual)),
-    }
+def _rows(duct: ReducedDuct) -> dict[str, AnyArray]:
+    return (duct.rows or CachedRows.of(duct.residual)).fields()
 
 
 @kernel

@@ -21,7 +21,7 @@ KERNELS: list[Any] = []
 #: Where numba looks for a compiled kernel of ours: a class that numba imports by its name. Other functions are none of
 #: its business, and it says so: for them numba goes on to its own.
 _LOCATORS = (
-    "trocar.services.kernel_cache.Locator,UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,"
+    "trocar.services.kernels.kernel_cache.Locator,UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,"
     "IPythonCacheLocator"
 )
 _setting = threading.Lock()

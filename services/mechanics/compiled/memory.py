@@ -60,6 +60,66 @@ class SavedArrays:
         copy_arrays(self._restore)
 
 
+PAGE_WORDS = 512
+"""Numbers of 8 bytes in a page of memory."""
+
+
+class SavedPages:
+    """A copy of a large live array that is mostly zero: only of its pages that hold anything else.
+
+    Memory that was never written to takes none, and neither saving nor restoring writes to it.
+
+    Args:
+        live: Array. Contiguous, of a multiple of 8 bytes, and only changed in place.
+
+    Raises ValueError if the array is not contiguous.
+    """
+
+    def __init__(self, live: AnyArray) -> None:
+        if not live.flags.c_contiguous:
+            raise ValueError("only contiguous arrays are copied")
+        self._words = live.reshape(-1).view(np.int64)
+        self._pages = np.array(
+            [at for at in range(0, self._words.size, PAGE_WORDS) if self._words[at : at + PAGE_WORDS].any()], np.int64
+        )
+        kept = [self._words[at : at + PAGE_WORDS] for at in self._pages]
+        self._content = np.concatenate([np.zeros(0, np.int64), *kept])
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the copy takes."""
+        return self._content.nbytes + self._pages.nbytes
+
+    def restore(self) -> None:
+        """Overwrite the live array with its copy."""
+        restore_pages(self._words, self._pages, self._content)
+
+
+@kernel
+def restore_pages(words: LongArray, pages: LongArray, content: LongArray) -> None:
+    """Write the ``content`` of the pages that begin at ``pages``, ascending, and zeros where the others hold any."""
+    page, first = 0, 0
+    for at in range(0, words.shape[0], PAGE_WORDS):
+        end = min(at + PAGE_WORDS, words.shape[0])
+        if page < pages.shape[0] and pages[page] == at:
+            for k in range(at, end):
+                words[k] = content[first + k - at]
+            page, first = page + 1, first + end - at
+        else:
+            clear_words(words, at, end)
+
+
+@kernel
+def clear_words(words: LongArray, first: int, end: int) -> None:
+    """Write zeros from ``first`` to ``end`` if any word there is not zero; a page that is only read takes no memory."""
+    found = 0
+    for k in range(first, end):
+        found |= words[k]
+    if found != 0:
+        for k in range(first, end):
+            words[k] = 0
+
+
 @intrinsic
 def _copy_bytes(_context: Any, target: Any, source: Any, count: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:

@@ -23,7 +23,7 @@ from trocar.services.mechanics.effects.softening import Softening
 from trocar.services.mechanics.effects.twist import Twist
 from trocar.services.mechanics.effects.viscoelasticity import Viscoelasticity
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.nearest_word import did_you_mean
+from trocar.services.messages.nearest_word import did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +45,10 @@ EFFECTS: dict[str, EffectEntry] = {
     "insufflation": EffectEntry(Insufflation, "gas pressure outside against the pressure in the lumen"),
     "gravity": EffectEntry(Gravity, "weight of catheter, stones and, if wanted, wall"),
     "twist": EffectEntry(Twist, "torsion of the catheter; rest curvature turns with it"),
-    "softening": EffectEntry(Softening, "a wall that gives way where it is squeezed"),
     "viscoelasticity": EffectEntry(
         Viscoelasticity, "a wall that relaxes: Prony terms on modes and what they leave out"
     ),
+    "softening": EffectEntry(Softening, "a wall that gives way where it is squeezed"),
     "nonlinear_membrane": EffectEntry(NonlinearMembrane, "a wall that stiffens as it stretches"),
     "hyperelasticity": EffectEntry(Hyperelasticity, "tissue that stiffens as it is stretched: laws of the membrane"),
     "gallstones": EffectEntry(Gallstones, "rigid spheres that catheter and wall push about"),
@@ -59,16 +59,10 @@ EFFECTS: dict[str, EffectEntry] = {
 }
 
 
-def go_together(one: str, other: str) -> bool:
-    """Whether a scene may have both effects."""
-    return one not in EFFECTS[other].kind.stands_for and other not in EFFECTS[one].kind.stands_for
-
-
 def build_effects(scene: SceneModel) -> dict[str, Effect]:
     """Construct the effects that the scene names, in the order of the table.
 
-    Raises ValueError: an unknown effect, settings of another effect, two effects of the same phenomenon, or an invalid
-    quality ladder.
+    Raises ValueError: an unknown effect, settings of another effect, or an invalid quality ladder.
     """
     for name, settings in scene.effects.items():
         if name not in EFFECTS:
@@ -76,9 +70,6 @@ def build_effects(scene: SceneModel) -> dict[str, Effect]:
         wanted = EFFECTS[name].kind.Settings
         if type(settings) is not wanted:
             raise ValueError(f"effects.{name}: takes {wanted.__name__}, not {type(settings).__name__}")
-        for other in EFFECTS[name].kind.stands_for:
-            if other in scene.effects:
-                raise ValueError(f"effects.{name}: describes what effects.{other} describes as well; leave one out")
     check_ladder(scene)
     check_bodies(scene)
     return {name: entry.kind(scene.effects[name], scene) for name, entry in EFFECTS.items() if name in scene.effects}
@@ -132,5 +123,4 @@ __all__ = [
     "by_stage",
     "check_bodies",
     "check_ladder",
-    "go_together",
 ]

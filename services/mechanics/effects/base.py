@@ -58,9 +58,6 @@ class Effect:
     """Frozen dataclass. Its types and `__post_init__` are what a scene file is checked against."""
     of_wall: ClassVar[bool] = False
     """Whether it needs no body but the duct, so that it can act in a scene of only a duct."""
-    stands_for: ClassVar[tuple[str, ...]] = ()
-    """Effects of the same phenomenon, which must not act beside it, or the phenomenon would count twice."""
-
     n_local_modes: ClassVar[int] = 0
     """Largest number of modes beside supports that it needs, see `reduction.local_modes`."""
     stretch_modes: ClassVar[bool] = False
@@ -72,8 +69,12 @@ class Effect:
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
         self.scene = scene
-        self.dissipated_j = 0.0
+        self._dissipated_j = 0.0
+
+    @property
+    def dissipated_j(self) -> float:
         """Energy dissipated by the effect itself so far, beyond that of contact rows."""
+        return self._dissipated_j
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the effect's state; they are only changed in place."""

@@ -111,7 +111,7 @@ class Gallstones(Effect):
         """Apply the contact forces."""
         system = world.system
         stones, share = self._stones, self._share
-        self.dissipated_j += push_stones(stones.address, (system.rows.address, self._first), system.force_n, dt_s)
+        self._dissipated_j += push_stones(stones.address, (system.rows.address, self._first), system.force_n, dt_s)
         if share < 1.0:
             stones.position[:] = stones.start + share * (stones.position - stones.start)
             stones.velocity[:] = stones.start_velocity + share * (stones.velocity - stones.start_velocity)

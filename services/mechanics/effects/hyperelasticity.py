@@ -63,20 +63,16 @@ class Hyperelasticity(WallTerm):
 
     def rest(self) -> None:
         """Begin to fade the stiffening out."""
-        self._terms.to_fade = 1.0
+        self._terms.to_fade["membrane"] = 1.0
 
     def wake(self) -> None:
         """Begin to fade the stiffening in."""
-        self._terms.to_fade = 0.0
+        self._terms.to_fade["membrane"] = 0.0
 
     @property
     def rests(self) -> bool:
         """Whether the wall does not stiffen at all."""
         return float(self._terms.step.membrane.faded[0]) == 1.0
-
-    def potential_energy_j(self, world: World) -> float:
-        """Return the energy stored beyond that of a linear wall."""
-        return self._terms.membrane_energy_j()
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> StretchSamples:
         recipe = recipe_of(duct, "hyperelasticity")

@@ -22,12 +22,7 @@ class NonlinearMembraneSettings:
 
 
 class NonlinearMembrane(WallTerm):
-    """Geometric stiffness of the wall as a cubic polynomial of the lowest modes.
-
-    A viscoelastic wall has the energy (1 - sum g) W(q) + sum_k g_k W(q - d_k) with the energy W of the elastic one,
-    which is never negative, and the lagging coordinates d_k of its modes. If only the linear part of W relaxed, the
-    rest would exceed it where the wall is bent by some thicknesses, and the wall would snap.
-    """
+    """Geometric stiffness of the wall as a cubic polynomial of the lowest modes."""
 
     Settings = NonlinearMembraneSettings
 
@@ -48,7 +43,3 @@ class NonlinearMembrane(WallTerm):
         recipe = replace(recipe_of(duct, "nonlinear_membrane"), mesh=duct.mesh)
         force = fetch_membrane_force(recipe, duct.basis, self.settings.n_coordinates, duct.cache_dir)
         self.take_terms(world).polynomial = force
-
-    def potential_energy_j(self, world: World) -> float:
-        """Return the energy of the polynomial."""
-        return self._terms.polynomial_energy_j()

@@ -31,8 +31,7 @@ class ViscoelasticitySettings:
 class Viscoelasticity(Effect):
     """The duct's modulus is the instantaneous one and relaxes by sum(g), in the modes and in the residual beyond them.
 
-    It is dissipative at any step. The lagging coordinates and loads are the effect's own state. Lagging loads keep
-    their direction where large rotations turn the wall.
+    It is dissipative at any step. The lagging coordinates and loads are the effect's own state, and turn with the wall.
     """
 
     Settings = ViscoelasticitySettings
@@ -41,7 +40,7 @@ class Viscoelasticity(Effect):
     def prepare(self, world: World) -> None:
         """Start in the relaxed state."""
         duct, series = world.duct, self.settings.series()
-        self._modes = ViscousModes(duct.reduced.basis.omega_rad_s, series)
+        self._modes = duct.viscous = ViscousModes(duct.reduced.basis.omega_rad_s, series)
         self._held, self._force = np.zeros((2, duct.held_force.size))
         self._loads = ViscousLoads(series, duct.reduced.mesh.n_vertices, len(duct.load_nodes))
         self._motion_m = np.zeros_like(duct.motion_m)
@@ -58,16 +57,22 @@ class Viscoelasticity(Effect):
         lasting, motion_m = self._loads.lasting, self._motion_m[: len(nodes)]
         if len(nodes) and len(lasting[0]):
             motion_m[:] = 0.0
-            world.duct.add_load_displacement(nodes, weights, lasting, motion_m)
+            loads = lasting[0], world.duct.turn_to_world(*lasting)
+            world.duct.add_load_displacement(nodes, weights, loads, motion_m)
             world.system.add_duct_motion(motion_m)
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Relax the lagging state towards the wall's present state."""
         duct = world.duct
         self._modes.relax(duct.state.q, dt_s)
-        loads = duct.load_nodes, duct.load_force_n, duct.n_contact_loads
-        duct.replace_loads(self._loads.relax(loads, duct.reduced.residual.store, dt_s))
-        self.dissipated_j = self._modes.dissipated_j + self._loads.dissipated_j
+        if duct.terms is not None:  # before lagging loads are written over the contact forces
+            duct.terms.end_step(dt_s)
+        n, forces = duct.n_contact_loads, duct.load_force_n
+        forces[:n] = duct.turn_to_wall(duct.load_nodes[:n], forces[:n])
+        n = self._loads.relax((duct.load_nodes, forces, n), duct.reduced.residual.store, dt_s)
+        forces[:n] = duct.turn_to_world(duct.load_nodes[:n], forces[:n])
+        duct.replace_loads(n)
+        self._dissipated_j = self._modes.dissipated_j + self._loads.dissipated_j
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the lagging coordinates and loads."""

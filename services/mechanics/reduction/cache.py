@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from trocar.services.cache_directory import discard, fault_in, make_folders
+from trocar.services.files.cache_directory import discard, fault_in, make_folders
 
 MANIFEST = "manifest.json"
 _HASHES = "hashes"

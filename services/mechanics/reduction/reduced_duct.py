@@ -12,6 +12,7 @@ from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.large_rotations.warping import TubeWarp
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.reduction.residual.blocks import Residual
+from trocar.services.mechanics.reduction.residual.cached_rows import CachedRows
 from trocar.services.mechanics.reduction.residual.patch_error import PatchError
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 
@@ -32,6 +33,8 @@ class ReducedDuct:
             the wall applies it; `displacements` stays linear.
         residual_error: PatchError, optional. How far the residual is from the whole of it; none where it is the whole.
         n_local_modes: int. How many of the modes, the last ones, are those beside supports (`local_modes`).
+        rows: CachedRows, optional. One cache of the residual's rows for all walls of this duct, which then belong to
+            one thread; none where each wall has its own.
     """
 
     mesh: TriangleMesh
@@ -43,6 +46,7 @@ class ReducedDuct:
     warp: TubeWarp | None = None
     residual_error: PatchError | None = None
     n_local_modes: int = 0
+    rows: CachedRows | None = None
 
     def __post_init__(self) -> None:
         if self.basis.n_nodes != self.mesh.n_vertices:

@@ -54,6 +54,7 @@ class ViscousModes:
     that of its middle: a sine is answered in phase, with the loss modulus too high by coth(dt / 2 tau) dt / 2 tau.
 
     Attributes:
+        series: PronySeries
         g: (k,) float64. Shares of the terms.
         long_term: float. Share that never relaxes, 1 - sum g.
         d: (k, r) float64. Lagging coordinates; d' = (q - d) / tau.
@@ -61,13 +62,13 @@ class ViscousModes:
     """
 
     def __init__(self, omega_rad_s: FloatArray, series: PronySeries) -> None:
-        self._stiffness = omega_rad_s**2
+        self._stiffness, self.series = omega_rad_s**2, series
         self.g: FloatArray = np.array(series.g)
         self.long_term = 1.0 - float(self.g.sum())
         self._tau_s = np.array(series.tau_s)
         self._dt_s = float("nan")
         self._decay = np.ones(self.g.size)
-        self.d = np.zeros((self.g.size, omega_rad_s.size))
+        self.d: FloatArray = np.zeros((self.g.size, omega_rad_s.size))
         self.dissipated_j = 0.0
 
     def add_force(self, out: FloatArray) -> None:
@@ -109,5 +110,15 @@ def relax_coordinates(stiffness: FloatArray, g: FloatArray, decay: FloatArray, q
         for mode in range(q.shape[0]):
             gap = q[mode] - d[k, mode]
             lost += 0.5 * stiffness[mode] * g[k] * gap * gap * (1.0 - decay[k] * decay[k])
-            d[k, mode] = q[mode] - decay[k] * gap
+        follow(d[k], q, decay[k])
     return lost
+
+
+@kernel
+def follow(lag: FloatArray, force: FloatArray, decay: float) -> None:
+    """Let what lags follow a force, or what is in proportion to it, in place: exactly where that stays for the step.
+
+    That is the one rule of all that relaxes: modes, the terms of the wall, and loads on what modes leave out.
+    """
+    for i in range(lag.shape[0]):
+        lag[i] = force[i] - decay * (force[i] - lag[i])

@@ -16,7 +16,7 @@ from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
 from trocar.services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
-from trocar.services.mechanics.reduction.viscoelastic import PronySeries
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries, follow
 
 LEAST_N = 1e-6
 """A lagging load below this is dropped where nothing presses."""
@@ -108,14 +108,14 @@ def relax_loads(address: Address[LaggingLoads], nodes: IntArray, forces: FloatAr
     count = _take_loads(lagging, nodes, forces, n_loads)
     listed = _list_loads(lagging, count, nodes, forces)
     for place in range(count):
+        for term in range(lagging.g.shape[0]):
+            follow(lagging.lag[term, place], lagging.load[place], lagging.decay[term])
         for axis in range(3):
             lagging.total[place, axis] = 0.0
             for term in range(lagging.g.shape[0]):
-                gap = lagging.load[place, axis] - lagging.lag[term, place, axis]
-                lagging.lag[term, place, axis] = lagging.load[place, axis] - lagging.decay[term] * gap
                 # At the end of the next step, as if p stayed: h, which followed the p that it ended with, is half a
                 # step behind.
-                ahead = 0.5 * (1.0 + lagging.decay[term]) * lagging.decay[term] * gap
+                ahead = 0.5 * (1.0 + lagging.decay[term]) * (lagging.load[place, axis] - lagging.lag[term, place, axis])
                 lagging.total[place, axis] += lagging.g[term] * (lagging.load[place, axis] - ahead)
     lagging.count[0] = _forget(lagging, count)
     return listed

@@ -13,9 +13,11 @@ class GuideWireScene:
 
     It starts with ``out_m`` beyond the catheter's tip, in its rest shape, which needs room before the mouth. It is kept
     between ``least_out_m`` and ``reach_m``. Its ``sections`` are listed from its own tip on; none of them is steered.
+    ``product`` names a file of configs/catheters that says what the scene leaves open; once loaded, a scene has none.
     ``friction`` is the Coulomb coefficient between wire and catheter.
     """
 
+    product: str | None = None
     outer_diameter_m: float = 0.7e-3
     youngs_modulus_pa: float = 1.0e9
     poisson_ratio: float = 0.3

@@ -33,6 +33,8 @@ class DuctScene:
     damped by ``damping_ratio``.
     ``bending`` is a bending triangle, or "auto": `reissner`, with transverse shear, unless the wall is thin
     (`fem.thinness.bending_of_wall`).
+    ``mesh_names`` are the names of a surface file's open ends from the widest on, by default ``end_0``, ``end_1`` and
+    so on; ``mesh_up`` is what is up in the file's axes: z of the scene, as near as the mouth's direction allows.
     ``tissue`` names the preset of `scene.tissue` from which the wall's values were taken, if any.
     """
 
@@ -52,6 +54,8 @@ class DuctScene:
     mesh_mouth: str = "end_1"
     mesh_edge_m: float | None = None
     mesh_lumen_diameter_m: float | None = None
+    mesh_names: tuple[str, ...] = ()
+    mesh_up: Vector3 | None = None
     tissue: str | None = None
     thickness_m: float = 0.5e-3
     youngs_modulus_pa: float = 100e3
@@ -76,11 +80,13 @@ class CatheterScene:
     ``guide_wire`` lies in its lumen and reaches beyond the tip.
     ``introducer_friction`` is the Coulomb coefficient of its wall; ``introducer_seal_friction_n`` the friction of the
     seal at its exit, which keeps a released catheter in place.
+    ``product`` names a file of configs/catheters that says what the scene leaves open; once loaded, a scene has none.
     ``spectral_radius`` is the numerical damping of the implicit integrator: the factor, 0 to 1, by which vibrations far
     too fast for the step fall in each step. At 1 they persist, at 0 they vanish at once; vibrations that the step
     resolves are hardly damped. "semi_implicit" is the paper's integrator, without numerical damping.
     """
 
+    product: str | None = None
     n_segments: int = 50
     length_m: float = 0.1
     outer_diameter_m: float = 1.67e-3

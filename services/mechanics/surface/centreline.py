@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 
@@ -26,7 +28,8 @@ def centrelines(mesh: TriangleMesh) -> dict[str, FloatArray]:
     ends = {name: own for name, own in named.items() if not np.isin(own, mouth).any()}
     if not ends:
         return {}
-    node, parent, middle_m = _tree(mesh, mouth)
+    tree = surface_tree(mesh, mouth)
+    node, parent, middle_m = tree.node, tree.parent, tree.middle_m
     middle_m[node[mouth[0]]] = mesh.vertices_m[mouth].mean(axis=0)
     ways = {}
     for name, own in ends.items():
@@ -50,13 +53,30 @@ def _even_out(middle_m: FloatArray, parent: IntArray, ways: list[list[int]]) -> 
         middle_m[inner] = 0.5 * (middle_m[inner] + around)
 
 
-def _tree(mesh: TriangleMesh, mouth: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the node of each vertex (n,), and of the nodes parents (k,), -1 at the mouth, and middles (k, 3)."""
+@dataclass(frozen=True, slots=True)
+class SurfaceTree:
+    """Bands of equal distance along a surface from some of its vertices, as the nodes of a tree.
+
+    Attributes:
+        node: (n,) int32. The node of each vertex.
+        parent: (k,) int32. The next node towards the sources, -1 at them.
+        middle_m: (k, 3) float64. Centroid of the band.
+        distance_m: (n,) float64. Of each vertex from the sources, along edges.
+    """
+
+    node: IntArray
+    parent: IntArray
+    middle_m: FloatArray
+    distance_m: FloatArray
+
+
+def surface_tree(mesh: TriangleMesh, sources: IntArray) -> SurfaceTree:
+    """Return the tree of bands round the vertices ``sources``; edges should be of about equal length."""
     n, (edges, _) = mesh.n_vertices, unique_edges(mesh)
     length = np.linalg.norm(np.diff(mesh.vertices_m[edges], axis=1)[:, 0], axis=1)
     graph = scipy.sparse.coo_array((length, edges.T), shape=(n, n)).tocsr()
     distance, before, _ = scipy.sparse.csgraph.dijkstra(
-        graph, directed=False, indices=mouth, min_only=True, return_predecessors=True
+        graph, directed=False, indices=sources, min_only=True, return_predecessors=True
     )
     band = np.floor(distance / (_BAND_EDGES * length.mean())).astype(np.int64)
     within = edges[band[edges[:, 0]] == band[edges[:, 1]]]
@@ -66,7 +86,8 @@ def _tree(mesh: TriangleMesh, mouth: IntArray) -> tuple[IntArray, IntArray, Floa
     for vertex in np.argsort(-distance):  # the nearest of each node comes last
         if before[vertex] >= 0 and node[before[vertex]] != node[vertex]:
             parent[node[vertex]] = node[before[vertex]]
-    parent[node[mouth]] = -1
+    parent[node[sources]] = -1
     areas = vertex_areas_m2(mesh)
     sums = np.stack([np.bincount(node, areas * mesh.vertices_m[:, axis], count) for axis in range(3)], axis=1)
-    return node.astype(np.int32), parent.astype(np.int32), sums / np.bincount(node, areas, count)[:, None]
+    middle_m = sums / np.bincount(node, areas, count)[:, None]
+    return SurfaceTree(node.astype(np.int32), parent.astype(np.int32), middle_m, distance)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from trocar.services.cache_directory import cache_directory
-from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.files.cache_directory import cache_directory
+from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.scenarios import insertion_scene
 from trocar.services.mechanics.scene import SceneModel
 from trocar.studies.accuracy import insertions
@@ -45,8 +45,7 @@ def settings(draw: Draw) -> Sequence[Setting]:
     """
     names = list(EFFECTS)
     names = draw.pick(names[:3], names, names)
-    pairs = [pair for pair in combinations(names, 2) if go_together(*pair)]
-    changes: list[tuple[str, ...]] = [(), *((name,) for name in names), *pairs]
+    changes: list[tuple[str, ...]] = [(), *((name,) for name in names), *combinations(names, 2)]
     return [_setting(changed) for changed in changes]
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.reduction import ReducedDuct

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.effects.base import recipe_of
 from trocar.services.mechanics.effects.softening import SofteningSettings
 from trocar.services.mechanics.reduction.recipe import DuctRecipe

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from trocar.services.gateway.device_files import ArmFile
+from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.mechanics.arrays import FloatArray
 
 #: An arm's own viscous friction, N s/m, as docs/results/haptics.md has it for a Premium.

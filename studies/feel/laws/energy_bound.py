@@ -1,11 +1,11 @@
-"""The rig's own law, `trocar.services.gateway.servo_law`, with the limits of the rig and a model that is fresh."""
+"""The rig's own law, `trocar.services.gateway.servo.servo_law`, with the rig's limits and a model that is fresh."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_K
-from trocar.services.gateway.servo_arrays import (
+from trocar.services.gateway.servo.servo_arrays import (
     LIMIT_ARM,
     LIMIT_FORCE,
     LIMIT_HANDLE,
@@ -20,7 +20,7 @@ from trocar.services.gateway.servo_arrays import (
     NOW_SIZE,
     NOW_TTL,
 )
-from trocar.services.gateway.servo_law import servo_force
+from trocar.services.gateway.servo.servo_law import servo_force
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import building_kernel
 from trocar.studies.feel.hands import RATE_N_S, TTL_S

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.effects.gallstones import GallstonesSettings
 from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.studies.stability.drive import Play
@@ -128,10 +128,10 @@ def _shutting(hands: HandMotions, shut_rad: tuple[float, float], steps: int, fir
     return hands
 
 
-def _everything(wall: str, random: np.random.Generator) -> Play:
-    """All effects that go with one of the wall, two stones, both tools shut and moving: every contact at once."""
+def _everything(left_out: tuple[str, ...], random: np.random.Generator) -> Play:
+    """All effects but some, two stones, both tools shut and moving: every contact at once."""
     start = threaded()
-    names = [name for name in EFFECTS if name not in start.scene.effects and go_together(name, wall)]
+    names = [name for name in EFFECTS if name not in start.scene.effects and name not in left_out]
     effects = {name: EFFECTS[name].kind.Settings() for name in names}
     effects["gallstones"] = GallstonesSettings(((22e-3, 0.0, -1.5e-3), (14e-3, 0.5e-3, -1.5e-3)), (1.5e-3, 1.2e-3))
     scene = with_effects(start.scene, effects)
@@ -151,6 +151,6 @@ KINDS: dict[str, Callable[[np.random.Generator], Play]] = {
     "jaws shut on both": partial(_shut, (36e-3, 0.0, 0.0)),
     "jaws shut on the wall and pull": partial(_shut_and_pull, (34e-3, 0.0, 4e-3)),
     "jaws shut on both and pull": partial(_shut_and_pull, (36e-3, 0.0, 0.0)),
-    "all contacts at once": partial(_everything, "nonlinear_membrane"),
-    "all contacts at once, wall gives way": partial(_everything, "softening"),
+    "all contacts at once": partial(_everything, ("softening",)),
+    "all contacts at once, wall gives way": partial(_everything, ()),
 }

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.effects.friction import FrictionSettings
 from trocar.services.mechanics.effects.gallstones import GallstonesSettings
 from trocar.services.mechanics.effects.softening import SofteningSettings
@@ -188,8 +188,7 @@ def _effects(random: np.random.Generator, scene: SceneModel) -> dict[str, object
     """Every effect by the toss of a coin, as far as they go together."""
     drawn: dict[str, object] = {}
     for name in map(str, random.permutation(list(EFFECTS))):
-        is_wanted = random.random() < (SOFTENED_SHARE if name == "softening" else 0.5)
-        if is_wanted and all(go_together(name, other) for other in drawn):
+        if random.random() < (SOFTENED_SHARE if name == "softening" else 0.5):
             drawn[name] = EFFECTS[name].kind.Settings()
     if "friction" in drawn:
         static, tool_static = random.uniform(0.0, 1.2, 2)

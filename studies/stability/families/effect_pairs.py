@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations
 
-from trocar.services.mechanics.effects import EFFECTS, go_together
+from trocar.services.mechanics.effects import EFFECTS
 from trocar.studies.stability.drive import Play
 from trocar.studies.stability.family import Case, Draw, played
 from trocar.studies.stability.situations import threaded
@@ -16,8 +16,7 @@ from trocar.studies.stability.strokes import stroking
 
 def cases(draw: Draw) -> Iterator[Case]:
     """Strokes of both tools with every pair, twice."""
-    pairs = [pair for pair in combinations(EFFECTS, 2) if go_together(*pair)]
-    for one, other in pairs if draw.is_long else [("twist", "friction")]:
+    for one, other in combinations(EFFECTS, 2) if draw.is_long else [("twist", "friction")]:
         for k in range(2 if draw.is_long else 1):
             name = f"{one} and {other}, number {k}"
             yield played(name, partial(_play, draw, name, one, other))

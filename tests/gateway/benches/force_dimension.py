@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.gateway.bench import Bench
-from tests.gateway.dhd_library import DhdStandIn
-from trocar.services.gateway.clock import REAL_TIME
-from trocar.services.runtime.rig import DriverSettings
+from tests.gateway.devices.bench import Bench
+from tests.gateway.devices.dhd_library import DhdStandIn
+from trocar.services.gateway.devices.clock import REAL_TIME
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 @contextmanager

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.gateway.bench import Bench
-from tests.gateway.virtual_node import VirtualNode
-from trocar.services.runtime.rig import DriverSettings
+from tests.gateway.can.virtual_node import VirtualNode
+from tests.gateway.devices.bench import Bench
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 @contextmanager

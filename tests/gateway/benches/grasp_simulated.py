@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.gateway.bench import Bench
-from trocar.services.gateway.clock import REAL_TIME
-from trocar.services.runtime.rig import DriverSettings
+from tests.gateway.devices.bench import Bench
+from trocar.services.gateway.devices.clock import REAL_TIME
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 @contextmanager

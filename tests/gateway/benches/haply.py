@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.gateway.bench import Bench
-from tests.gateway.haply_service import HaplyService
-from trocar.services.runtime.rig import DriverSettings
+from tests.gateway.devices.bench import Bench
+from tests.gateway.devices.haply_service import HaplyService
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 @contextmanager

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.gateway.bench import Bench
-from trocar.services.runtime.rig import DriverSettings
+from tests.gateway.devices.bench import Bench
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 @contextmanager

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.gateway.bench import Bench, no_output, write_recording
-from trocar.services.runtime.rig import DriverSettings
+from tests.gateway.devices.bench import Bench, no_output, write_recording
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 @contextmanager

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.gateway import input_stand_in
-from tests.gateway.bench import Bench, no_output
-from trocar.services.runtime.rig import DriverSettings
+from tests.gateway.devices.bench import Bench, no_output
+from tests.gateway.hands import input_stand_in
+from trocar.services.runtime.config.rig import DriverSettings
 
 
 @contextmanager

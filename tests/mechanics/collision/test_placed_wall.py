@@ -19,9 +19,9 @@ from tests.mechanics.collision.wall_cases import (
     wall,
 )
 from trocar.services.mechanics.bodies.duct import DuctBody
-from trocar.services.mechanics.collision import placed_wall
 from trocar.services.mechanics.collision.placed_wall import NO_LOADS, place_wall
 from trocar.services.mechanics.reduction import Newmark, Residual
+from trocar.services.mechanics.reduction.residual.cached_rows import CachedRows
 
 CLOSE_M = 2e-9  # blocks are float32: 1e-6 of a dent of a millimetre
 
@@ -130,10 +130,10 @@ def test_detection_and_picture_see_the_same_wall(kind):
     assert np.abs(placement.position - alone).max() > 0.1e-3, "loads that do nothing show nothing"
 
 
-def test_with_room_for_a_few_rows_of_the_residual_loads_take_turns(monkeypatch):
+def test_with_room_for_a_few_rows_of_the_residual_loads_take_turns():
     """More loaded nodes than rows: a row that is read anew is that of its node, with all nodes that are placed."""
     duct, rng = wall("cyclic"), np.random.default_rng(7)
-    monkeypatch.setattr(placed_wall, "MAX_ROWS", 3)
+    duct = replace(duct, rows=CachedRows.of(duct.residual, 3))
     placement, n = place_wall(duct), duct.mesh.n_vertices
     for _ in range(12):
         nodes = np.sort(rng.choice(n, 40, replace=False)).astype(np.int32)
@@ -141,3 +141,20 @@ def test_with_room_for_a_few_rows_of_the_residual_loads_take_turns(monkeypatch):
         set_configuration(placement, q, loads)
         place(placement, nodes)
         np.testing.assert_allclose(placement.position[nodes], placed(duct, q, loads)[nodes], atol=CLOSE_M)
+
+
+def test_walls_of_one_duct_with_one_cache_are_where_walls_with_their_own_are():
+    """To the bit, also while each takes rows from the other: a block does not depend on who reads it."""
+    duct, rng = wall("cyclic"), np.random.default_rng(9)
+    shared = replace(duct, rows=CachedRows.of(duct.residual, 5))
+    walls, alone = [place_wall(shared), place_wall(shared)], [place_wall(duct), place_wall(duct)]
+    n = duct.mesh.n_vertices
+    assert walls[0].blocks is walls[1].blocks
+    assert alone[0].blocks is not alone[1].blocks
+    for turn in range(12):
+        nodes, which = np.sort(rng.choice(n, 40, replace=False)).astype(np.int32), turn % 2
+        loads, q = random_loads(rng, n), coordinates(duct, rng, 1e-3)
+        for each in (walls[which], alone[which]):
+            set_configuration(each, q, loads)
+            place(each, nodes)
+        np.testing.assert_array_equal(walls[which].position, alone[which].position)

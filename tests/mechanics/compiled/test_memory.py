@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trocar.services.mechanics.compiled.memory import SavedArrays, copy_arrays, copy_table
+from trocar.services.mechanics.compiled.memory import PAGE_WORDS, SavedArrays, SavedPages, copy_arrays, copy_table
 
 
 def test_arrays_of_any_kind_are_copied_and_nothing_beside_them() -> None:
@@ -32,6 +32,28 @@ def test_what_was_saved_last_comes_back() -> None:
     saved.restore()
     np.testing.assert_array_equal(live[0], 2.0)
     np.testing.assert_array_equal(live[1], 2)
+
+
+@pytest.mark.parametrize("size", [1, PAGE_WORDS - 1, PAGE_WORDS, 5 * PAGE_WORDS + 7])
+def test_an_array_saved_by_pages_comes_back_whatever_was_written_to_it(size: int) -> None:
+    rng = np.random.default_rng(size)
+    for filled in ([], [0], [size - 1], sorted(set(rng.integers(0, size, 3).tolist()))):
+        live = np.zeros(size)
+        live[filled] = rng.normal(size=len(filled))
+        live[filled[:1]] = -0.0
+        before, saved = live.copy(), SavedPages(live)
+        for written in (slice(None), filled, [size // 2], []):
+            live[written] = np.nan
+            saved.restore()
+            assert live.tobytes() == before.tobytes()
+
+
+def test_pages_without_content_are_not_kept() -> None:
+    live = np.zeros((1000, PAGE_WORDS // 8, 8))
+    live[417, 3, 5] = 1.0
+    assert SavedPages(live).nbytes == 8 * PAGE_WORDS + 8
+    with pytest.raises(ValueError, match="only contiguous"):
+        SavedPages(live[:, ::2])
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from effect_runs import PRESSED_M, come_down
 
+from trocar.services.mechanics.bodies.wall_terms import terms_of
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN
-from trocar.services.mechanics.reduction.softened_wall.softening_force import CREDIT_J
+from trocar.services.mechanics.reduction.wall_step.implicit_step import CREDIT_J
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
@@ -67,8 +68,10 @@ def test_what_is_let_go_rests(scene, duct):
     for _ in range(300):
         simulation.step(tools)
     assert abs(effect.potential_energy_j(simulation.world)) <= 1e-3 * abs(stored_j) + 2.0 * CREDIT_J
-    assert not any(array.any() for array in effect.state_arrays()[:3])
-    assert effect.state_arrays()[-1][GAIN] == 0.0, "no pattern is left that each tick would have to look at"
+    terms = terms_of(simulation.duct)
+    assert not effect.state_arrays()[0].any()
+    assert not terms.softened.at_sites.any()
+    assert terms.step.pattern.numbers[GAIN] == 0.0, "no pattern is left that each tick would have to look at"
 
 
 def test_an_absent_hand_meets_nothing(scene, duct):
@@ -76,4 +79,4 @@ def test_an_absent_hand_meets_nothing(scene, duct):
     tools.present[:] = False
     for _ in range(50):
         simulation.step(tools)
-    assert not simulation.effects["softening"].state_arrays()[2].any()
+    assert not simulation.effects["softening"].state_arrays()[0].any()

@@ -166,6 +166,10 @@ def stored_in_wall_j(simulation):
     return elastic_j + sum(effect.potential_energy_j(simulation.world) for effect in simulation.effects.values())
 
 
+def dissipated_j(simulation):
+    return sum(effect.dissipated_j for effect in simulation.effects.values())
+
+
 def test_a_bent_wall_that_stiffens_relaxes_to_the_same_share_of_its_energy(with_effects, small_duct):
     """If the linear part alone relaxed, walls bent by a few radii would store less than nothing, and snap."""
     scene = with_effects(nonlinear_membrane={"n_coordinates": 6})
@@ -179,10 +183,13 @@ def test_a_bent_wall_that_stiffens_relaxes_to_the_same_share_of_its_energy(with_
         q *= random.uniform(4e-3, 16e-3) / np.linalg.norm(small_duct.basis.displacements(q), axis=1).max()
         for each in (elastic, relaxed):
             each.duct.state.q[:] = q
+            each.duct.q_start[:] = q
+        before_j = dissipated_j(relaxed)
+        relaxed.duct.change_step(1e-3)
+        relaxed.effects["nonlinear_membrane"].add_loads(relaxed.world, 1e-3)
         relaxed.effects["viscoelasticity"].after_solve(relaxed.world, 1e3)
-        relaxed.effects["nonlinear_membrane"].dissipated_j += terms_of(relaxed.duct).relax(1e3)
         assert stored_in_wall_j(elastic) > 0.0
-        assert sum(effect.dissipated_j for effect in relaxed.effects.values()) > 0.0
+        assert dissipated_j(relaxed) > before_j
         assert stored_in_wall_j(relaxed) == pytest.approx((1.0 - sum(series.g)) * stored_in_wall_j(elastic), rel=1e-6)
 
 

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
+from trocar.services.kernels.source_closure import Sources
 from trocar.services.mechanics.reduction.content_hash import hash_sources
 from trocar.services.mechanics.reduction.hyperelastic import energy_sampling
 from trocar.services.mechanics.reduction.softening import training
-from trocar.services.source_closure import Sources
 
 ROOT = Path(__file__).parents[3]
 IN_THE_RECIPE = ("trocar.services.mechanics.fem",)
 NOT_NUMBERS = (
-    "trocar.services.cache_directory",
-    "trocar.services.trusted_path",
+    "trocar.services.files.cache_directory",
+    "trocar.services.files.trusted_path",
     "trocar.services.mechanics.arrays",
     "trocar.services.mechanics.compiled",
     *(

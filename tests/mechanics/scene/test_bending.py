@@ -8,7 +8,7 @@ from trocar.services.mechanics.fem.thinness import THIN, bending_of_wall, mean_c
 from trocar.services.mechanics.scene.duct_recipe import duct_recipe
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.scenes import load_scene, load_surface
 
 SCENES = sorted(path.stem for path in (config.config_directory() / "scenes").glob("*.yaml") if path.stem != "anatomy")

@@ -17,7 +17,7 @@ from trocar.services.mechanics.simulation.scene_catheter import place_catheter
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from trocar.services.mechanics.surface.centreline import centrelines
 from trocar.services.meshes.branching import load_branching
-from trocar.services.tube_paths import TubePaths
+from trocar.services.meshes.tube_paths import TubePaths
 
 LENGTH_M = 0.12
 SCENE = SceneModel(

@@ -15,7 +15,7 @@ from trocar.services.mechanics import scenarios
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
-from trocar.services.runtime.loop import LoopMeter, TickClock
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock
 from trocar.studies.stability.situations import without_friction
 
 TICKS = 2100  # the hand has come to rest 200 ms before

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.physics.conftest import SMALL
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.snapshot import Snapshot

@@ -10,7 +10,7 @@ from trocar.services.mechanics.surface.centreline import centrelines
 from trocar.services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
 from trocar.services.meshes.branching import branching_mesh
 from trocar.services.meshes.errors import MeshError
-from trocar.services.tube_paths import TubePaths
+from trocar.services.meshes.tube_paths import TubePaths
 
 POCKET = {"at_m": 15e-3, "angle_rad": 1.3, "azimuth_rad": 0.5 * np.pi, "radius_m": 2.5e-3, "length_m": 14e-3}
 BRANCHES = (

@@ -8,7 +8,7 @@
 
 from __future__ import annotations
 
-import trocar.services.entry  # noqa: F401  first of all: kernels and threads as in a process of the rig
+import trocar.services.start.entry  # noqa: F401  first of all: kernels and threads as in a process of the rig
 
 # isort: split
 import os

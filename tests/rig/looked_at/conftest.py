@@ -31,8 +31,8 @@ from tests.rig.conftest import Rig, running_rig
 from tests.rig.course import Course, hands
 from tests.with_us import with_us
 from trocar.services.cli.attempt import run_order
-from trocar.services.runtime.rig import Transport
-from trocar.services.supervisor.page_place import page_file
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.supervisor.page.page_place import page_file
 
 PROMETHEUS = shutil.which("prometheus")
 WINDOW_S = 1.0

@@ -17,8 +17,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
-from trocar.services.runtime.rig import Transport
-from trocar.services.runtime.zmq_bus import ZmqBus
+from trocar.services.runtime.bus.zmq_bus import ZmqBus
+from trocar.services.runtime.config.rig import Transport
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(900)]
 

@@ -12,7 +12,7 @@ import pytest
 
 from tests.rig.conftest import Rig, end
 from tests.rig.course import DEEPEST_M, FORCE_STEP_N, Course
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.scenarios import insertion
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from trocar.studies.feel.tracking import WITHIN, compare, find_pinch

@@ -15,7 +15,7 @@ from tests.other_user import as_other_user, needs_other_user
 from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 from tests.rig.faults import drives_of
-from trocar.services.runtime.flight import flight_directory
+from trocar.services.runtime.measures.flight import flight_directory
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600), needs_other_user]
 

@@ -19,7 +19,7 @@ from tests.rig.faults import FAULTS, drives_of, engage, force_n, force_rates_n_s
 from trocar.protocol.bodies import GatewayState
 from trocar.services.cli.arm import page_of, run_command, state_at
 from trocar.services.cli.attempt import run_order
-from trocar.services.runtime.config import load_rig
+from trocar.services.runtime.config.config import load_rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 

@@ -19,7 +19,7 @@ from tests.patience import PATIENCE_S
 from tests.rig.conftest import Rig
 from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
 from tests.rig.pressing.conftest import TIMEOUT_S
-from trocar.services.supervisor.processes import TABLE
+from trocar.services.supervisor.crew.processes import TABLE
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from trocar.services.cache_directory import cache_directory
 from trocar.services.cli.app import add_installed_verbs, app
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.effects.mucus_drag import MucusDragSettings
 from trocar.services.mechanics.effects.self_contact import SelfContactSettings
 from trocar.services.mechanics.scenarios import insertion_scene
 from trocar.services.mechanics.scene import QualityLevel
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import build_scene, load_duct, load_scene
 from trocar.studies.accuracy.study import Cost

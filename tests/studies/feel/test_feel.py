@@ -21,7 +21,7 @@ from trocar.protocol.bodies import (
     ToolReaction,
 )
 from trocar.protocol.bodies.physics import reaction_table
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scenarios import insertion

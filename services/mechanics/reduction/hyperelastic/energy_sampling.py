@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel, pressure_load
 from trocar.services.mechanics.fem.frames import local_frames

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import ElementChoice, ShellModel
 from trocar.services.mechanics.fem.factorisation import factorise

@@ -8,11 +8,11 @@ that work. phi is a function of s alone: the force has the potential
     P(s) = -integral of phi ds = -((m . t) g A(theta rho) / rho^2 + phi^2 (t . K t) / 2),  A(x) = integral of x Y(x) dx.
 
 Where the wall gives way (rho > 0) phi grows with s: P is concave, and the tangent K - phi' n n is positive definite at
-any s, as phi' (t . K t) < 1. All is homogeneous in a: only the shape of a pattern counts, never its size.
+any s, as phi' (t . K t) < 1. All is homogeneous in a: only the shape of a pattern counts, never its size. A law may
+turn: beside a support the wall first gives way to a poke and then is stretched by it, and phi falls again, beyond zero.
+A wall that is pulled out (rho < 0) is convex from the start.
 
-A law may turn: beside a support the wall first gives way to a poke and then is stretched by it, and phi falls again,
-beyond zero. Then P is the sum of a concave part, whose force is phi up to where it turns and stays what it is there,
-and of a convex one, whose force is the rest. A wall that is pulled out (rho < 0) is convex from the start.
+So a pattern is a term of the wall that reads one number, s.
 """
 
 from __future__ import annotations
@@ -28,11 +28,17 @@ LINEAR, DELIVERED, GAIN, RHO, PART, TURN = range(6)
 """Numbers of a pattern: m . t and t . K t in J, g, rho, how much of its potential acts, which is 1 unless it stiffens,
 and the rho beyond which phi falls: zero where rho is negative, infinite where phi never falls."""
 N_NUMBERS = 6
+MOST_SOFTENING = 0.9
+"""Largest part of the linear stiffness that may be lost along a pattern; the rest brings the wall back."""
 MOST_STIFFENING = 0.8
 """Of the linear stiffness, that a wall pulled outward may take on beside it: s stays a growing function of theta."""
 MOST_TURNED = 0.95
 """The same of a wall whose law has turned."""
 BISECTIONS = 48
+SHORT = 1e-4
+"""Of a displacement: on a shorter way the difference of the potential has fewer digits than the slope at its middle."""
+PRECISION = 1e-14
+"""Of the size of a load that displaces as far as the wall is."""
 
 
 class Pattern(Struct):
@@ -42,12 +48,14 @@ class Pattern(Struct):
     work: Annotated[FloatArray, "p"]  # Y
     area: Annotated[FloatArray, "p"]  # A
     numbers: Annotated[FloatArray, N_NUMBERS]
-    rho_first: float
-    rho_step: float
+    faded: Annotated[FloatArray, 1]  # part of the potential that does not act
+    tangent: Annotated[FloatArray, 1]  # second derivative of what acts, summed over a way
+    rho_first: float = 0.0
+    rho_step: float = 1.0
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the state."""
-        return self.direction, self.work, self.area, self.numbers
+        return self.direction, self.work, self.area, self.numbers, self.faded
 
 
 @kernel
@@ -78,6 +86,19 @@ def read_law(pattern: Pattern, rho: float) -> tuple[float, float]:
     if rho > inside and work > 0.0 and pattern.numbers[TURN] < math.inf:
         return work * inside / rho, area + work * inside * (rho - inside)
     return work, area + 0.5 * work * (rho - inside) * (rho + inside)
+
+
+@kernel
+def slope_of_load(pattern: Pattern, rho: float) -> float:
+    """Return the derivative of rho Y(rho) by rho."""
+    first, step, last = pattern.rho_first, pattern.rho_step, pattern.work.shape[0] - 1
+    if rho < first:
+        return float(pattern.work[0])
+    if rho > first + last * step:
+        return 0.0 if pattern.work[last] > 0.0 and pattern.numbers[TURN] < math.inf else float(pattern.work[last])
+    point = min(int((rho - first) / step), last - 1)
+    slope = (pattern.work[point + 1] - pattern.work[point]) / step
+    return float(pattern.work[point] + slope * (2.0 * rho - first - point * step))
 
 
 @kernel
@@ -113,10 +134,10 @@ def turns(pattern: Pattern) -> bool:
 
 
 @kernel
-def bound_law(pattern: Pattern, most_softening: float) -> None:
+def bound_law(pattern: Pattern) -> None:
     """Hold the slope of the law within bounds, given the other numbers of the pattern; write where it turns.
 
-    Where rho is positive, rho Y grows with it, so that P is concave, and not so fast that more than ``most_softening``
+    Where rho is positive, rho Y grows with it, so that P is concave, and not so fast that more than `MOST_SOFTENING`
     of the linear stiffness is lost along the pattern; a law that `turns` falls from there on, and no more than
     `MOST_TURNED` comes to the linear stiffness. Where rho is negative, Y is too, likewise.
     """
@@ -124,7 +145,7 @@ def bound_law(pattern: Pattern, most_softening: float) -> None:
     unit = numbers[LINEAR] / (numbers[DELIVERED] * numbers[GAIN])
     may_turn = turns(pattern)
     work[zero] = 0.0
-    softest, turned = unit * most_softening / (1.0 - most_softening), unit * MOST_TURNED
+    softest, turned = unit * MOST_SOFTENING / (1.0 - MOST_SOFTENING), unit * MOST_TURNED
     numbers[TURN] = math.inf if numbers[RHO] > 0.0 else 0.0
     for point in range(zero + 1, work.shape[0]):
         ratio, before = float(point - zero), work[point - 1]
@@ -161,29 +182,66 @@ def _zero(pattern: Pattern) -> int:
 
 
 @kernel
-def evaluate(pattern: Pattern, s: float) -> tuple[float, float]:
-    """Return phi and P at s; none for a wall that has moved the other way."""
-    theta = _solve_theta(pattern, s, 0.0, 1.0)
+def pattern_energy(pattern: Pattern, s: float) -> float:
+    """Return the potential at ``s``, as much of it as acts."""
+    return _acting(pattern) * evaluate(pattern, s)[1] if pattern.numbers[GAIN] != 0.0 else 0.0
+
+
+@kernel
+def add_pattern_slope(pattern: Pattern, s: float, weights: tuple[float, float], out: FloatArray) -> None:
+    """Add the slope at ``s`` to ``out`` (1,), and the second derivative to that of the pattern, by ``weights``."""
+    if pattern.numbers[GAIN] != 0.0:
+        phi, _, slope = evaluate(pattern, s)
+        out[0] -= weights[0] * _acting(pattern) * phi
+        pattern.tangent[0] -= weights[1] * _acting(pattern) * slope
+
+
+@kernel
+def add_mean_pattern_slope(pattern: Pattern, start: float, end: float, out: FloatArray) -> None:
+    """Add the mean slope on the way from ``start`` to ``end`` to ``out`` (1,), and its derivative by the end.
+
+    It is the fall of the potential over the way, so exact of any law; on a way that is short, the slope of its middle.
+    """
+    if abs(end - start) <= SHORT * (abs(start) + abs(end)):
+        add_pattern_slope(pattern, 0.5 * (start + end), (1.0, 0.5), out)
+    elif pattern.numbers[GAIN] != 0.0:
+        phi, after, _ = evaluate(pattern, end)
+        mean = (after - evaluate(pattern, start)[1]) / (end - start)
+        out[0] += _acting(pattern) * mean
+        pattern.tangent[0] += _acting(pattern) * (-phi - mean) / (end - start)
+
+
+@kernel
+def _acting(pattern: Pattern) -> float:
+    return float((1.0 - pattern.faded[0]) * pattern.numbers[PART])
+
+
+@kernel
+def evaluate(pattern: Pattern, s: float) -> tuple[float, float, float]:
+    """Return phi, P and the derivative of phi at s; none for a wall that has moved the other way."""
+    theta = _solve_theta(pattern, s, 1.0)
     if theta == 0.0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     numbers = pattern.numbers
-    linear, rho = numbers[LINEAR], numbers[RHO]
+    linear, delivered, rho = numbers[LINEAR], numbers[DELIVERED], numbers[RHO]
     work, area = read_law(pattern, theta * rho)
     phi = numbers[GAIN] * theta * work
-    return phi, -(linear * numbers[GAIN] * area / (rho * rho) + 0.5 * phi * phi * numbers[DELIVERED])
+    by_theta = numbers[GAIN] * slope_of_load(pattern, theta * rho)
+    slope = by_theta / (linear + by_theta * delivered)
+    return phi, -(linear * numbers[GAIN] * area / (rho * rho) + 0.5 * phi * phi * delivered), slope
 
 
 @kernel
 def conjugate(pattern: Pattern, s: float) -> float:
-    """Return W*(h) less that of the linear wall, which h would move by ``s`` along the pattern; see `relaxation`.
+    """Return the largest h . p - W(p) less that of a linear wall, which h would move by ``s`` along the pattern.
 
-    Of a pattern of which only a part acts, part times P takes the place of P.
+    W is the energy of the linear wall with the pattern, ``PART`` of it.
     """
     numbers = pattern.numbers
     if not s > 0.0 or numbers[GAIN] == 0.0 or numbers[PART] == 0.0:
         return 0.0
     part, linear, rho = numbers[PART], numbers[LINEAR], numbers[RHO]
-    theta = s / linear if part == 1.0 else _solve_theta(pattern, s, 0.0, 1.0 - part)
+    theta = s / linear if part == 1.0 else _solve_theta(pattern, s, 1.0 - part)
     work, area = read_law(pattern, theta * rho)
     phi = numbers[GAIN] * theta * work
     energy = linear * numbers[GAIN] * area / (rho * rho) + 0.5 * (1.0 - part) * phi * phi * numbers[DELIVERED]
@@ -191,57 +249,29 @@ def conjugate(pattern: Pattern, s: float) -> float:
 
 
 @kernel
-def stiffens(pattern: Pattern) -> bool:
-    """Whether there is a pattern whose potential has a convex part."""
-    return bool(pattern.numbers[GAIN] != 0.0 and pattern.numbers[TURN] < math.inf)
+def _solve_theta(pattern: Pattern, s: float, share: float) -> float:
+    """Return the theta at which the displacement is ``s``, of which phi makes ``share`` of its own; 0 of no pattern.
 
-
-@kernel
-def evaluate_ahead(pattern: Pattern, s_start: float, s: float, moves: float) -> float:
-    """Return what pushes in a step to s + ``moves`` times that, ``moves`` >= 0, of a pattern that stiffens.
-
-    That is what has grown of phi at ``s_start``, where the step begins, and what has fallen of it where it ends: for
-    either part of the potential no more work than it falls by.
-    """
-    grown = _grown(pattern, _solve_theta(pattern, s_start, 0.0, 1.0))
-    theta = _solve_theta(pattern, s + moves * grown, moves, 1.0)
-    return float(grown + _phi(pattern, theta) - _grown(pattern, theta))
-
-
-@kernel
-def _phi(pattern: Pattern, theta: float) -> float:
-    """Return phi."""
-    return float(pattern.numbers[GAIN] * theta * read_law(pattern, theta * pattern.numbers[RHO])[0])
-
-
-@kernel
-def _grown(pattern: Pattern, theta: float) -> float:
-    """Return phi up to where it turns, and what it is there beyond."""
-    numbers = pattern.numbers
-    if numbers[TURN] == 0.0:
-        return 0.0
-    return _phi(pattern, min(theta, numbers[TURN] / numbers[RHO]))
-
-
-@kernel
-def _solve_theta(pattern: Pattern, s: float, moves: float, share: float) -> float:
-    """Return the theta at which the displacement is s + ``moves`` times what has fallen of phi.
-
-    0 where the wall has moved the other way. Of what phi moves the modes by, ``share`` counts.
+    Between bounds, by Newton's method where that stays within them.
     """
     numbers = pattern.numbers
-    linear = numbers[LINEAR]
-    if not s > 0.0 or numbers[GAIN] == 0.0:
+    linear, delivered, rho, gain = numbers[LINEAR], numbers[DELIVERED], numbers[RHO], numbers[GAIN]
+    if not s > 0.0 or gain == 0.0:
         return 0.0
     low, high = 0.0, s / linear
     if numbers[TURN] < math.inf:
         high /= 1.0 - MOST_STIFFENING if numbers[TURN] == 0.0 else 0.5 * (1.0 - MOST_TURNED)
+    theta = 0.5 * high
     for _ in range(BISECTIONS):
-        theta = 0.5 * (low + high)
-        phi = _phi(pattern, theta)
-        fallen = phi - _grown(pattern, theta) if moves > 0.0 else 0.0
-        if theta * linear + share * phi * numbers[DELIVERED] - moves * fallen < s:
+        left = theta * (linear + share * delivered * gain * read_law(pattern, theta * rho)[0]) - s
+        if left < 0.0:
             low = theta
         else:
             high = theta
-    return float(0.5 * (low + high))
+        before = theta
+        theta -= left / (linear + share * delivered * gain * slope_of_load(pattern, theta * rho))
+        if not low < theta < high:
+            theta = 0.5 * (low + high)
+        if abs(theta - before) <= PRECISION * theta:
+            break
+    return float(theta)

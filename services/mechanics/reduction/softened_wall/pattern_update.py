@@ -142,7 +142,7 @@ def _complete(wall: SoftenedWall) -> None:
     gain = 1.0 / fit if fit > LEAST_FIT else fit**2 / LEAST_FIT**3
     numbers[LINEAR], numbers[DELIVERED] = linear, delivered
     numbers[GAIN] = gain * min(1.0, MOST_ENERGY * V / delivered)
-    bound_law(made, wall.most_softening)
+    bound_law(made)
     integrate_law(made)
 
 

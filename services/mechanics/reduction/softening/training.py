@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from trocar.services.cache_directory import cache_directory
+from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel
 from trocar.services.mechanics.fem.nonlinear import CorotationalShell

@@ -13,6 +13,7 @@ from typing import Protocol
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.reduction.modal_state import ModalState
 from trocar.services.mechanics.reduction.wall_step.implicit_step import (
+    CREDIT_J,
     ENERGY,
     TANK,
     WallStep,
@@ -23,8 +24,6 @@ from trocar.services.mechanics.reduction.wall_step.implicit_step import (
 TANK_SHARE = 0.1
 """Largest content of the tank over the size of the stored energy, which may be below that of a linear wall; what steps
 lose beyond it is dissipated."""
-CREDIT_J = 1e-9
-"""Debt that the tank may have: the work of 1 mN over 1 um."""
 MOST_OWED = 0.01
 """Largest debt of a step over the stored energy; with a larger one the step is too long."""
 CORRECTIONS = 8

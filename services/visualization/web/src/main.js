@@ -10,15 +10,19 @@ import { Dashboard } from "./dashboard/dashboard.js";
 import { startTold } from "./dashboard/format.js";
 import { RigStream } from "./dashboard/stream.js";
 import { Hands } from "./hands/hands.js";
+import { translatePage } from "./school/i18n.js";
+import { SchoolPage } from "./school/school.js";
 import { viewAddress } from "./address.js";
 import { hear } from "./command.js";
 import { ViewStream } from "./view/stream.js";
 import { View } from "./view/view.js";
 
+translatePage();
 let view = null, hands = null, running = "";
 const PICTURE_FIRST_MS = 5000;
 const orders = new Orders((text, ok) => instructor.say(text, ok));
 const instructor = new Instructor(orders), attempt = new AttemptPanel(orders), replay = new ReplayBar();
+const school = new SchoolPage(orders, () => view, () => hands);
 const dashboard = new Dashboard({
   peaks: () => view?.takePeaks() ?? [],
   period: () => (view?.software ? (view.slow ? 3000 : 900) : 0),
@@ -27,10 +31,10 @@ const dashboard = new Dashboard({
 });
 const controls = new Controls((token) => {
   orders.token = token;
-  for (const each of [hands, attempt, instructor]) each?.admit(token);
+  for (const each of [hands, attempt, instructor, school]) each?.admit(token);
 });
 const faces = new Faces(document.getElementById("face"), () => view?.ask());
-globalThis.trocar = { view, hands, dashboard, attempt, instructor, replay }; // for whoever looks into the page with the browser's tools
+globalThis.trocar = { view, hands, dashboard, attempt, instructor, replay, school }; // for whoever looks into the page with the browser's tools
 
 const panel = document.getElementById("toggle-dashboard");
 panel.onclick = () => {
@@ -61,6 +65,8 @@ function follow(rig) {
   if (!view) makeView();
   if (!stream) return view.say(WITHOUT_PICTURE[rig.viewer]);
   if (!view.stage) return stream.end();
+  stream.keeper = school.keeper;
+  if (stream.hello) school.keeper.setHello(stream.hello);
   view.follow(stream);
   hands.offer(stream.address, rig.hands ?? []);
 }
@@ -75,12 +81,14 @@ new RigStream({
     dashboard.setContracts(rig.contracts);
     faces.setHands(Boolean(rig.hands?.length));
     instructor.setRig(rig);
+    school.setRig(rig);
     if (!view?.stream) follow(rig);
   },
   onState: (state) => {
     hear(state);
-    attempt.update(state.attempt);
+    attempt.update(state.attempt, state.safe_stop || state.state === "safe_stop");
     instructor.update(state.attempt);
+    school.update(state.attempt);
     replay.update(state.replay);
     if (state.attempt && view?.stage) view.startMirrored(state.attempt.mirrored);
     dashboard.update(state);

@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { Axis } from "../src/hands/axis.js";
 import { Gamepads } from "../src/hands/gamepad.js";
 
-// The same table holds services/gateway/input_axis.py: tests/gateway/test_input_axis.py.
+// The same table holds services/gateway/hands/input_axis.py: tests/gateway/hands/test_input_axis.py.
 const cases = JSON.parse(readFileSync(new URL("axis.json", import.meta.url)));
 
 for (const { case: name, low, high, first, looks } of cases) {

@@ -3,7 +3,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { QualityGovernor } from "../src/view/quality_governor.js";
 
-// The same table holds services/runtime/quality_governor.py: tests/runtime/test_quality_governor.py.
+// The same table holds services/runtime/loop/quality_governor.py: tests/runtime/loop/test_quality_governor.py.
 const cases = JSON.parse(readFileSync(new URL("quality_governor.json", import.meta.url)));
 
 for (const { case: name, levels, way, hysteresis, looks } of cases) {

@@ -11,10 +11,20 @@ import pytest
 from tests.by_day import by_day
 from trocar.services.mechanics.reduction import ExactOscillator, ModalState, Newmark
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import TURN, Pattern
-from trocar.services.mechanics.reduction.softened_wall.softened_wall import SPENT, STORED, TANK, SoftenedWall
-from trocar.services.mechanics.reduction.softened_wall.softening_force import CREDIT_J, follow_loads, push_ahead
+from trocar.services.mechanics.reduction.softened_wall.pattern_change import change_pattern
+from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
 from trocar.services.mechanics.reduction.softening.softening_law import parts
 from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries, ViscousModes
+from trocar.services.mechanics.reduction.wall_step.energy_tank import settle_step
+from trocar.services.mechanics.reduction.wall_step.implicit_step import (
+    CREDIT_J,
+    TANK,
+    WallStep,
+    held_force,
+    relax_wall,
+    wall_energy,
+)
+from trocar.services.mechanics.reduction.wall_step.lagging_energy import conjugate_energy
 
 SITES, MODES, NODES = 9, 14, 30
 RHO = np.linspace(-0.4, 1.2, 129)
@@ -22,16 +32,14 @@ STEP = RHO[1] - RHO[0]
 RHO = RHO - RHO[np.abs(RHO).argmin()]
 
 
-def random_wall(random, integrator, coefficients, strength=1.0, series=NEVER, n_laws=1):
+def random_wall(random, coefficients, strength=1.0, n_laws=1):
     """A wall whose sites and modes have to do with each other, as those of a shell, and whose numbers are small."""
     shapes = random.normal(size=(MODES, SITES)) / np.sqrt(MODES)
     third = random.normal(size=(SITES, SITES, SITES))
     third = sum(third.transpose(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)))
     stiffness = OMEGA**2
     local = shapes.T @ (shapes / stiffness[:, None])
-    patterns = {
-        name: Pattern.zeros(r=MODES, p=len(RHO), rho_first=RHO[0], rho_step=STEP) for name in ("pattern", "candidate")
-    }
+    candidate = Pattern.zeros(r=MODES, p=len(RHO), rho_first=RHO[0], rho_step=STEP)
     arrays = {
         "near": random.integers(0, SITES, (NODES, 6)).astype(np.int32),
         "weights": np.abs(random.normal(size=(NODES, 6, 3))),
@@ -43,16 +51,13 @@ def random_wall(random, integrator, coefficients, strength=1.0, series=NEVER, n_
         "counts": np.stack([np.ones(NODES), np.clip(np.linspace(-0.5, 1.5, NODES), 0.0, 1.0)][:n_laws]),
         "delivery": shapes / stiffness[:, None] @ np.linalg.inv(local),
         "stiffness": stiffness,
-        "rest_q": 1e-3 * random.normal(size=MODES),
     }
     if n_laws == 2:
         arrays |= nodes_of(random, arrays, 0.02 * strength * np.abs(local).max() ** 1.5)
     plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
-    plain |= {"g": np.array(series.g, np.float64), "tau_s": np.array(series.tau_s, np.float64)}
-    extents = {"l": n_laws, "m": SITES, "r": MODES, "p": len(RHO), "t": len(series.g)}
+    extents = {"l": n_laws, "m": SITES, "r": MODES, "p": len(RHO)}
     extents |= {"h": NODES, "z": 7} if n_laws == 2 else {"h": 0, "z": 0, "a": 0, "b": 0}
-    plain |= {"takes_mean": isinstance(integrator, Newmark), "most_softening": 0.9, "n_local": 2}
-    return SoftenedWall.zeros(**extents, **patterns, **plain)
+    return SoftenedWall.zeros(**extents, candidate=candidate, n_local=2, **plain)
 
 
 def nodes_of(random, arrays, strength):
@@ -76,49 +81,57 @@ TURNING = (3.0, 0.0, 0.0, -60.0, -60.0, -6.0)
 
 @dataclass
 class Shaken:
-    """A wall under random loads and blows, its energy, and the least of what it has spent less what it had spent."""
+    """A wall under random loads and blows: by how much its energy rose in a step, at most, beyond what was put in."""
 
-    fell_j: float = 0.0
-    imbalance_j: float = 0.0
+    rose_j: float = 0.0
     largest_j: float = 0.0
     owed_j: float = 0.0
     softened: int = 0
     turned: int = 0
 
 
+class Modes:
+    """Modes at the end of a step, as `settle_step` sees them."""
+
+    def __init__(self, integrator, dt_s):
+        self.state, self.q_start, self.contact_impulse = ModalState.at_rest(MODES), np.zeros(MODES), np.zeros(MODES)
+        unit = ModalState(np.zeros(MODES), np.zeros(MODES), np.ones(MODES))
+        integrator.predict(unit, np.ones(MODES), dt_s)
+        self.gains, self.held_gain = (unit.q, unit.qdot, unit.qddot), unit.q
+
+    def furthest_m(self, change):
+        return np.abs(change).max()
+
+    def change_held(self, held, change):
+        for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self.gains, strict=True):
+            end += gain * change
+        held += change
+
+    def remove_energy(self, energy_j):
+        kinetic_j = self.state.kinetic_energy_j()
+        paid = min(energy_j / kinetic_j, 1.0) if kinetic_j > 0.0 else 0.0
+        self.state.qdot *= np.sqrt(1.0 - paid)
+        return paid * kinetic_j
+
+
 def shake(seed, kind, dt_s, ways, coefficients, series=NEVER, ticks=1500):
     """A wall of one law, and of two where the seed is odd."""
     random = np.random.default_rng(seed)
     integrator = kind(OMEGA, np.zeros(MODES))
-    strength = 10.0 if coefficients is TURNING else 1.0
-    wall = random_wall(random, integrator, np.array(coefficients), strength, series, 1 + seed % 2)
-    if series.g:
-        wall.rest_q[:] = 0.0
-    state, seen, viscous = ModalState.at_rest(MODES), Shaken(), ViscousModes(OMEGA, series)
-    state.q[:] = wall.rest_q
-    constant = OMEGA**2 * wall.rest_q
+    soft = random_wall(random, np.array(coefficients), 10.0 if coefficients is TURNING else 1.0, 1 + seed % 2)
+    wall = WallStep.of(OMEGA**2, series=series, pattern=soft.new_pattern())
+    modes, seen, viscous = Modes(integrator, dt_s), Shaken(), ViscousModes(OMEGA, series)
+    state, held, lagged, force = modes.state, *np.zeros((3, MODES))
+    wall.take_gain(modes.held_gain)
+    decay = np.exp(-dt_s / np.array(series.tau_s, np.float64))
     nodes, forces = np.zeros(0, np.int32), np.zeros((0, 3))
 
     def energy():
-        rest = state.q - wall.rest_q
-        return state.kinetic_energy_j() + viscous.stored_energy_j(rest) + wall.books[STORED]
-
-    def drive():
-        force = constant + wall.force
-        viscous.add_force(force)
-        return force
-
-    def relax():
-        """Newmark's step is exact for a force that is held if it began with it, see `ViscousModes`."""
-        before, after = np.zeros((2, MODES))
-        viscous.add_force(before)
-        viscous.relax(state.q, dt_s)
-        viscous.add_force(after)
-        if kind is Newmark:
-            state.qddot += after - before
-
-    def spent_j():
-        return wall.books[SPENT] + viscous.dissipated_j
+        total = state.kinetic_energy_j() + state.strain_energy_j(OMEGA) + wall_energy(wall.address, state.q)
+        for g, d, lag in zip(viscous.g, viscous.d, wall.lag, strict=True):
+            h = OMEGA**2 * d + lag
+            total += g * (conjugate_energy(wall, h, state.q) - h @ state.q)
+        return total
 
     for tick in range(ticks):
         if tick % random.integers(1, 40) == 0:
@@ -128,24 +141,29 @@ def shake(seed, kind, dt_s, ways, coefficients, series=NEVER, ticks=1500):
                 * np.abs(random.normal(size=(len(nodes), 3)))
                 * 10.0 ** random.uniform(-2, 0)
             )
-        if wall.stiffens():
-            ahead = state.copy()
-            integrator.predict(ahead, drive(), dt_s)
-            push_ahead(wall.address, state.q, ahead.q, integrator.gains(dt_s).position, state.qddot)
+        lagging = viscous.force() + wall.lagging
+        state.qddot += lagging - lagged
+        lagged[:] = lagging
+        ahead = state.copy()
+        ahead.qddot -= held
+        integrator.predict(ahead, lagging, dt_s)
+        held_force(wall.address, state.q, ahead.q, force)
+        state.qddot += force - held
+        held[:] = force
         if tick % 50 == 0:  # unforeseen, as contacts that change are
             state.qdot += 0.03 * random.normal(size=MODES)
-        before, spent, q_start = energy(), spent_j(), state.q.copy()
-        integrator.predict(state, drive(), dt_s)
-        modal = 0.01 * random.normal(size=MODES) + OMEGA**2 * (state.q - wall.rest_q)
-        made = integrator.gains(dt_s)
-        gains = made.position, made.velocity, made.acceleration
-        follow_loads(wall.address, (nodes, forces), modal, (state.q, q_start, state.qdot, state.qddot), gains, dt_s)
-        relax()
-        change, after = spent_j() - spent, energy()
+        before = energy() + max(wall.books[TANK], 0.0)
+        modes.q_start[:] = state.q
+        integrator.predict(state, lagging + held, dt_s)
+        settle_step(wall, held, modes, 1.0)
+        viscous.relax(state.q, dt_s)
+        relax_wall(wall.address, modes.q_start, state.q, decay)
+        modal = 0.01 * random.normal(size=MODES) + OMEGA**2 * state.q
+        change_pattern(soft.address, wall.address, (nodes, forces), modal, (state.q, viscous.d), dt_s)
+        after = energy()
+        seen.rose_j = max(seen.rose_j, after - before)
         seen.largest_j = max(seen.largest_j, after)
-        seen.fell_j = max(seen.fell_j, -change)
-        seen.imbalance_j = max(seen.imbalance_j, abs(after + change - before))
-        seen.softened += bool(wall.force.any())
+        seen.softened += bool(held.any())
         seen.turned += 0.0 < wall.pattern.numbers[TURN] < np.inf
         seen.owed_j = max(seen.owed_j, -wall.books[TANK])
     return seen
@@ -171,14 +189,12 @@ SHAKEN = by_day([each for each in CASES if each[1] == 1e-3], [each for each in C
 
 @pytest.mark.parametrize(("kind", "dt_s", "ways", "coefficients"), SHAKEN)
 def test_nothing_comes_out_that_was_not_put_in(kind, dt_s, ways, coefficients):
+    """But for what the tank may owe, and for rounding: rows are in single precision."""
     for seed in range(3):
         seen = shake(seed, kind, dt_s, ways, coefficients)
         assert seen.softened > (0 if ways is OUTWARD or coefficients is TURNING else 50)
-        assert seen.fell_j == 0.0
-        assert seen.imbalance_j <= 1e-9 * seen.largest_j
-        assert seen.owed_j <= 2.0 * CREDIT_J + (
-            0.0 if ways is INWARD and coefficients is not TURNING else 1e-5 * seen.largest_j
-        )
+        assert seen.rose_j <= 2.0 * CREDIT_J + 1e-6 * seen.largest_j
+        assert seen.owed_j <= 2.0 * CREDIT_J
         assert coefficients is not TURNING or seen.turned > 50
 
 
@@ -190,29 +206,22 @@ RELAXING = PronySeries((0.3, 0.3), (4e-3, 0.1))
     by_day(*([each for each in CASES if (each[1:3] == (1e-3, BOTH)) is day] for day in (True, False))),
 )
 def test_what_relaxes_gives_out_nothing_either(kind, dt_s, ways, coefficients):
-    """What softening takes back of what the linear wall dissipates is never more than that."""
     for seed in range(2):
-        seen = shake(seed, kind, dt_s, ways, coefficients, RELAXING)
-        print(seen)
+        seen = shake(seed, kind, dt_s, ways, coefficients, RELAXING, ticks=500)
         assert seen.softened > (0 if ways is OUTWARD or coefficients is TURNING else 50)
-        assert seen.fell_j <= 1e-12 * seen.largest_j
-        assert seen.imbalance_j <= 1e-9 * seen.largest_j
-        assert seen.owed_j <= 2.0 * CREDIT_J + (
-            0.0 if ways is INWARD and coefficients is not TURNING else 1e-5 * seen.largest_j
-        )
+        assert seen.rose_j <= 2.0 * CREDIT_J + 1e-6 * seen.largest_j
+        assert seen.owed_j <= 2.0 * CREDIT_J
 
 
 def test_a_pattern_has_the_mean_law_of_the_nodes_that_are_pressed():
     """By the forces on them, whatever sites these are spread over: beside a support it changes from node to node."""
-    random, integrator = np.random.default_rng(5), Newmark(OMEGA, np.zeros(MODES))
-    wall, state = random_wall(random, integrator, np.array(GIVING)), ModalState.at_rest(MODES)
+    random = np.random.default_rng(5)
+    wall, q = random_wall(random, np.array(GIVING)), np.zeros(MODES)
+    step = WallStep.of(OMEGA**2, pattern=wall.new_pattern())
     wall.coefficients[:] *= random.uniform(0.5, 2.0, (1, NODES, 1))
     wall.near[7], wall.weights[7] = wall.near[3], wall.weights[3]
-    gains = integrator.gains(1e-3)
     nodes, forces = np.array([3, 7], np.int32), np.array([[0.3, 0.0, 0.4], [0.0, 0.1, 0.0]])
     for _ in range(3):
-        motion = state.q, state.q.copy(), state.qdot, state.qddot
-        made = gains.position, gains.velocity, gains.acceleration
-        follow_loads(wall.address, (nodes, forces), np.ones(MODES), motion, made, 1e-3)
+        change_pattern(wall.address, step.address, (nodes, forces), np.ones(MODES), (q, q[None][:0]), 1e-3)
     mixed = wall.pressed_mixed[0, :-1] / wall.pressed_mixed[0, -1]
     np.testing.assert_allclose(mixed, (5.0 * wall.coefficients[0, 3] + wall.coefficients[0, 7]) / 6.0, rtol=1e-12)

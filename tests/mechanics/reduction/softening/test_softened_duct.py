@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from tests.by_day import by_day
+from trocar.services.mechanics.bodies.duct import DuctBody
+from trocar.services.mechanics.bodies.wall_terms import terms_of
 from trocar.services.mechanics.fem import ElementChoice, ShellSection, Support, clamp
 from trocar.services.mechanics.fem.nonlinear import CorotationalShell
 from trocar.services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
 from trocar.services.mechanics.reduction import DuctRecipe, Newmark, reduce_duct
 from trocar.services.mechanics.reduction.free_dofs import free_load
-from trocar.services.mechanics.reduction.softened_wall.load_pattern import RHO
+from trocar.services.mechanics.reduction.large_rotations.warping import TubeWarp
+from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN, RHO
+from trocar.services.mechanics.reduction.softened_wall.pattern_change import change_pattern
 from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
-from trocar.services.mechanics.reduction.softened_wall.softening_force import follow_loads
 from trocar.services.mechanics.reduction.softening import node_energy, training_mesh
 from trocar.services.mechanics.reduction.softening.load_sites import Lumen
 from trocar.services.mechanics.reduction.softening.node_energy import fields_of, interpolated_j, known_nodes
@@ -26,6 +29,7 @@ from trocar.services.mechanics.reduction.softening.training import (
 )
 from trocar.services.mechanics.reduction.softening.training_squeezes import Squeeze, follow
 from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries
+from trocar.services.mechanics.reduction.wall_step.implicit_step import WallStep
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from trocar.studies.accuracy.squeezed_wall import DT_S, SqueezedWall
 
@@ -199,12 +203,12 @@ def test_a_pattern_has_both_laws_by_their_shares(duct, lumen, softening, x_m):
 
 def pattern_of(duct, softening, nodes, force_n):
     """What a tick makes of forces that stay."""
-    integrator, none = Newmark(duct.basis.omega_rad_s, 0.1), np.zeros(duct.basis.n_modes)
-    motion, gains = (none, none, none.copy(), none.copy()), (none, none, none)
-    wall = SoftenedWall.of(duct, softening, none, integrator)
+    soft, none = SoftenedWall.of(duct, softening), np.zeros(duct.basis.n_modes)
+    wall = WallStep.of(duct.basis.omega_rad_s**2, pattern=soft.new_pattern())
     modal = np.einsum("kar,ka->r", duct.basis.Phi[nodes], force_n)
+    loads = nodes.astype(np.int32), force_n
     for _ in range(60):
-        follow_loads(wall.address, (nodes.astype(np.int32), force_n), modal, motion, gains, DT_S)
+        change_pattern(soft.address, wall.address, loads, modal, (none, none[None][:0]), DT_S)
     return wall.pattern
 
 
@@ -326,8 +330,8 @@ def test_a_slow_cycle_gives_next_to_nothing_back_that_was_not_put_in(duct, lumen
     pressed, closed = SqueezedWall(duct, softening, nodes, lines), np.array(parts_of_width) * WIDTH_M
     _, closing = pressed.squeeze(closed, 2400)
     _, opening = pressed.squeeze(np.zeros(2), 2400, closed)
-    assert pressed.wall.stored_j == pytest.approx(0.0, abs=1e-6 * closing)
-    assert 0.0 <= pressed.wall.dissipated_j <= 0.01 * closing
+    assert pressed.terms.energy_j() == pytest.approx(0.0, abs=1e-6 * closing)
+    assert 0.0 <= pressed.terms.dissipated_j <= 0.01 * closing
     assert closing + opening > 0.0
 
 
@@ -348,9 +352,10 @@ def test_what_is_let_go_is_forgotten(duct, lumen, softening):
     pressed.squeeze(np.full(2, 1e-3))
     for _ in range(300):
         pressed.step(force_n=np.zeros(2))
-    at_sites, _, force, *_ = pressed.wall.state_arrays()
-    assert not force.any()
-    assert not at_sites.any()
+    held, *_ = pressed.terms.state_arrays()
+    assert not held.any()
+    assert not pressed.terms.softened.at_sites.any()
+    assert pressed.terms.step.pattern.numbers[GAIN] == 0.0
 
 
 def test_zero_is_a_point_of_the_law(softening):
@@ -388,3 +393,30 @@ def test_a_surface_without_lumen_is_refused(duct):
     mesh = replace(duct.mesh, triangles=np.ascontiguousarray(duct.mesh.triangles[:, ::-1]))
     with pytest.raises(ValueError, match="no lumen"):
         Lumen.of(mesh)
+
+
+def test_a_bent_duct_is_squeezed_by_the_law_of_a_straight_one(duct, lumen, softening):
+    """Forces that turn with the wall's sections make the same pattern, wherever these look."""
+    nodes, lines = jaws(lumen, duct.mesh, Squeeze(node_at(duct.mesh, 22e-3, 1.0), 0.0, 0.0, True))
+    warp = TubeWarp.from_basis(duct.mesh, duct.basis, duct.mesh.vertex_sets["clamped"])
+    bent = replace(duct, warp=warp)
+    rho = []
+    for each, part in ((duct, 0.0), (bent, 0.0), (bent, 1.0)):
+        body = DuctBody(each, Newmark(duct.basis.omega_rad_s, 0.1), 2)
+        terms = terms_of(body)
+        terms.softened = SoftenedWall.of(each, softening)
+        body.state.q[0] = part * 15e-3 / np.abs(duct.basis.Phi[:, :, 0]).max()
+        body.predict(DT_S)
+        forces = body.turn_to_world(nodes, 0.02 * lines)
+        turned_rad = np.arccos(np.sum(forces * lines, axis=1) / 0.02)
+        assert np.all(turned_rad > 0.3 * part)
+        body.load_nodes[:2], body.load_force_n[:2] = nodes, forces
+        body._n_loads[:] = 2
+        body.contact_impulse[:] = np.einsum("kar,ka->r", duct.basis.Phi[nodes], 0.02 * lines)
+        for _ in range(20):
+            terms.hold(DT_S)
+            terms.settle(0.0, DT_S)
+            terms.end_step(DT_S)
+        assert terms.step.pattern.numbers[GAIN] != 0.0
+        rho.append(float(terms.step.pattern.numbers[RHO]))
+    assert rho == pytest.approx([rho[0]] * 3, rel=1e-6)

@@ -1,10 +1,11 @@
 // The trainee's face: goal and depth with its markers, clock, force with its limit, held bodies, and the next task.
 
 import { text } from "../dashboard/rows.js";
+import { said, t } from "../school/i18n.js";
 import { clock, headline, holding, mm, notCounted, scoreWords } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
-const MOST_MM = 25, STEP_MM = 5;
+const MOST_MM = 25, STEP_MM = 5, TOLD_SPEED = 0.05;
 
 export class AttemptPanel {
   constructor(orders) {
@@ -23,21 +24,32 @@ export class AttemptPanel {
     return this.attempt?.force_limit_n || null;
   }
 
-  update(attempt) {
+  update(attempt, isStopped = false) {
     this.attempt = attempt;
     $("attempt").hidden = !attempt;
     if (!attempt) return;
-    const { mark, words, more, kind } = headline(attempt);
+    const { mark, words, more, kind } = headline(attempt, isStopped);
     if ($("attempt").dataset.kind !== kind) $("attempt").dataset.kind = kind;
-    text($("attempt-title"), attempt.title);
+    text($("attempt-title"), said(attempt.title));
     text($("attempt-mark"), mark);
     text($("attempt-state"), more ? `${words}: ${more}` : words);
     text($("attempt-clock"), clock(attempt.time_s));
     text($("attempt-limit"), attempt.time_limit_s ? `of ${clock(attempt.time_limit_s)}` : "");
     text($("attempt-score"), scoreWords(attempt));
-    text($("attempt-hint"), attempt.hint);
+    text($("attempt-hint"), said(attempt.hint));
     text($("attempt-not"), notCounted(attempt));
+    this.showFitness(attempt);
     this.showDepth(attempt);
+  }
+
+  // Before an attempt: whether one can count on this machine. While it runs: how slow the clock goes.
+  showFitness({ state, counts, practice_only: only = "", simulated_time: simulated, speed = 1 }) {
+    const waits = state === "armed", isSlow = simulated && Math.abs(1 - speed) > TOLD_SPEED;
+    $("attempt-fit").hidden = !(waits && counts) && !isSlow;
+    $("attempt-fit").dataset.level = only || isSlow ? "warn" : "good";
+    const fit = only ? t("Practise only, because {why}.", { why: said(only) }) : t("This machine can train: an attempt counts.");
+    const pace = isSlow ? t("The clock goes at {percent} % of real time, so that nothing is lost.", { percent: Math.round(100 * speed) }) : "";
+    text($("attempt-fit"), [waits && counts ? fit : "", pace].filter(Boolean).join(" "));
   }
 
   showDepth({ depth_m: depth, goal_depth_m: goal, depth_max_m: most }) {

@@ -10,6 +10,9 @@ export const ERRORS = {
   E11: "wrong direction", E12: "out of view or collision", E13: "catheter dropped", E14: "counter-traction lost",
 };
 
+import { said, t } from "../school/i18n.js";
+import { what } from "../school/sentences.js";
+
 export function clock(seconds) {
   const whole = Math.floor(Math.max(seconds, 0) + 1e-6);
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
@@ -18,18 +21,25 @@ export function clock(seconds) {
 export const mm = (metres) => `${(1000 * metres).toFixed(1)} mm`;
 
 // The state for a trainee: a word, and a mark that needs no colour.
-export function headline({ state, outcome, pace, reason, counts }) {
-  if (outcome === "success") return { mark: "✓", words: "Well done", more: reason, kind: "success" };
-  if (outcome === "failure") return { mark: "✗", words: "Not yet", more: reason, kind: "failure" };
-  if (pace === 0) return { mark: "❚❚", words: "Paused", more: "", kind: "paused" };
-  const slow = pace < 1 ? ` at ${paceWords(pace)} of the clock` : "";
-  if (state === "armed" && !counts) return { mark: "○", words: "Not ready", more: "", kind: "armed" }; // the hint says what to do
-  if (state === "armed") return { mark: "○", words: `Begin when you like${slow}`, more: "", kind: "armed" };
-  return { mark: "●", words: `Under way${slow}`, more: "", kind: "running" };
+export function headline({ state, outcome, pace, reason, counts }, isStopped = false) {
+  if (outcome === "success") return { mark: "✓", words: t("Well done"), more: said(reason), kind: "success" };
+  if (outcome === "failure") return { mark: "✗", words: t("Not yet"), more: reasonWords(reason), kind: "failure" };
+  if (isStopped) return { mark: "■", words: t("Stopped: press Arm to go on"), more: "", kind: "paused" };
+  if (pace === 0) return { mark: "❚❚", words: t("Paused"), more: "", kind: "paused" };
+  const slow = pace < 1 ? t(" at {pace} of the clock", { pace: paceWords(pace) }) : "";
+  if (state === "armed" && !counts) return { mark: "○", words: t("Not ready"), more: "", kind: "armed" }; // the hint says what to do
+  if (state === "armed") return { mark: "○", words: `${t("Begin when you like")}${slow}`, more: "", kind: "armed" };
+  return { mark: "●", words: `${t("Under way")}${slow}`, more: "", kind: "running" };
 }
 
+// Why an attempt has failed; what a code stands for instead of the code.
+const reasonWords = (reason) => {
+  const code = /^(E\d+) must not happen/.exec(reason)?.[1];
+  return code ? what(code) : said(reason);
+};
+
 // The total score of a finished attempt, which a report explains; empty without one.
-export const scoreWords = ({ score, time_limit_s: most }) => (score >= 0 ? `Score ${score.toFixed(0)} of at most ${most.toFixed(0)}` : "");
+export const scoreWords = ({ score, time_limit_s: most }) => (score >= 0 ? t("Score {score} of at most {most}", { score: score.toFixed(0), most: most.toFixed(0) }) : "");
 
 export function paceWords(pace) {
   const parts = Math.round(1 / pace);
@@ -37,10 +47,10 @@ export function paceWords(pace) {
 }
 
 // The reason why an attempt is not scored, without the figures that only engineers need.
-export const notCounted = ({ counts, why_not: why }) => (counts ? "" : `This attempt does not count: ${why}.`);
+export const notCounted = ({ counts, why_not: why }) => (counts ? "" : t("This attempt does not count: {why}.", { why: said(why) }));
 
 export function holding(held) {
-  return { catheter: "holding the catheter", duct: "holding the duct" }[held] ?? "holding nothing";
+  return t({ catheter: "holding the catheter", duct: "holding the duct" }[held] ?? "holding nothing");
 }
 
 export function errorList(errors) {

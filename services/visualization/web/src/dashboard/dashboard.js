@@ -4,11 +4,10 @@ import { COLOURS, forceChart, latencyChart, missChart } from "./charts.js";
 import { givenUp, known, percent, us } from "./format.js";
 import { HeatMap } from "./heat.js";
 import { element, Rows, text } from "./rows.js";
-import { Budget, Events, Floor, Processes, Realtime, Stages, Threads, Topics } from "./tables.js";
+import { Budget, Events, Judge, Processes, Realtime, Stages, Threads, Topics } from "./tables.js";
 
 const $ = (id) => document.getElementById(id);
 const KEPT = 600; // messages: two minutes
-const MACHINE = "machine, core ";
 const FIRST_PATH = "device_force";
 const QUANTILES = ["p50", "p99", "p99_9", "max"];
 
@@ -58,7 +57,7 @@ export class Dashboard {
     this.latency = latencyChart($("path-chart"), () => this.path()?.limit_p99);
     this.tables = [new Processes(), new Budget(), new Stages(), new Threads(), new Realtime()];
     this.topics = new Topics();
-    this.floor = new Floor();
+    this.judge = new Judge();
     this.events = new Events();
     this.quantiles = [...QUANTILES, "answered"].map((name, i) => {
       const cell = element("div", {}, element("span", { textContent: name === "p99_9" ? "p99.9" : name }), element("b", { textContent: "–" }));
@@ -84,7 +83,7 @@ export class Dashboard {
 
   update(state) {
     if (this.history.length && state.t < this.history.at(-1).t) this.history = []; // the rig has started anew
-    this.history.push({ t: state.t, paths: state.paths ?? [], loops: loopsOf(state), floor: state.floor ?? [], peaks: this.peaks() });
+    this.history.push({ t: state.t, paths: state.paths ?? [], loops: loopsOf(state), peaks: this.peaks() });
     if (this.history.length > KEPT) this.history.shift();
     this.state = state;
     this.heat.add(state.heat, Object.fromEntries(loopsOf(state).map(({ name, loop }) => [name, 1e6 / loop.target_hz])));
@@ -109,10 +108,9 @@ export class Dashboard {
     this.shown = state;
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);
-    this.floor.update(state.floor ?? [], state.processes ?? [], state.judge);
+    this.judge.update(state.judge);
     $("start-notice").hidden = !state.start_notice;
     text($("start-notice"), state.start_notice ?? "");
-    text($("flight"), state.flight ? `last flight: ${state.flight} (trocar latency)` : "");
     this.events.update(state.events ?? []);
     this.paths.update((state.paths ?? []).map((path) => path.name), FIRST_PATH);
     this.loops.update(Object.keys(state.heat ?? {}), "gateway");
@@ -160,15 +158,14 @@ export class Dashboard {
 
   drawMisses() {
     const loops = loopsOf(this.state).map(({ name }) => name);
-    const names = [...loops, ...(this.state.floor ?? []).map(({ core }) => `${MACHINE}${core}`)];
     if (!loops.length) return;
-    if (names.join() !== this.missNames) {
+    if (loops.join() !== this.missNames) {
       $("miss-chart").replaceChildren();
-      this.misses = missChart($("miss-chart"), names, () => this.missBudget);
-      this.missNames = names.join();
-      legend($("miss-chart"), names);
+      this.misses = missChart($("miss-chart"), loops, () => this.missBudget);
+      this.missNames = loops.join();
+      legend($("miss-chart"), loops);
     }
-    this.misses.set(this.history.map(({ t }) => t), names.map((name) =>
+    this.misses.set(this.history.map(({ t }) => t), loops.map((name) =>
       this.history.map((message) => missRatio(message, name))));
   }
 
@@ -184,8 +181,7 @@ function legend(chart, names) {
   })));
 }
 
-function missRatio({ loops, floor }, name) {
-  if (name.startsWith(MACHINE)) return floor.find(({ core }) => `${MACHINE}${core}` === name)?.late_ratio ?? null;
+function missRatio({ loops }, name) {
   return loops.find((entry) => entry.name === name)?.loop.miss_ratio ?? null;
 }
 

@@ -147,25 +147,13 @@ export class Realtime {
   }
 }
 
-// Misses of the machine itself beside those of the rig, to tell the cause; and the lateness of the process that measures them.
-export class Floor {
-  update(floor, processes, judge) {
+// How late the process that judges the others is itself.
+export class Judge {
+  update(judge) {
     text($("judge"), judge
       ? `The supervisor judges ${hz(judge.rate_hz)} times a second, now at most ${usWithUnit(judge.lateness_us.max)} late, since its start ${usWithUnit(judge.latest_us)}.`
       : "");
-    const worst = Math.max(0, ...processes.map(({ loop }) => (loop?.target_hz >= 500 ? loop.miss_ratio ?? 0 : 0)));
-    const parts = floor.map((row) => `core ${row.core} ${share(row.late_ratio)} (worst ${usWithUnit(row.lateness_us.max)})`);
-    text($("floor"), floor.length
-      ? `The machine alone wakes over 1 ms late: ${parts.join(", ")}, in the last minute. ${verdict(floor, worst)}`
-      : "What the machine itself costs is not measured (supervisor.watch_floor, or the rig runs in containers).");
   }
-}
-
-// A loop cannot be better than twice the floor: a stall can hit both its sleep and its work.
-function verdict(floor, worst) {
-  const limit = 2 * Math.max(...floor.map((row) => row.late_ratio ?? 0));
-  if (worst <= 0.001) return "";
-  return worst <= limit ? "What is missed now is the machine's." : "More is missed now than the machine explains: the rig's, or its neighbours'.";
 }
 
 export class Events {

@@ -1,5 +1,5 @@
 // Axes and buttons of a gamepad: when each was last reported, where it rests, and how far it is pushed.
-// The same model as services/gateway/input_axis.py, which says why; both are held to test/axis.json. Times in ms.
+// The same model as services/gateway/hands/input_axis.py, which says why; both are held to test/axis.json. Times in ms.
 
 export const REST_MS = 250, PATIENCE_MS = 2000, DEAD = 0.12;
 const STILL = 0.06, MIDDLE = 0.2, END = 0.1, HELD_MS = 1000, CENTRED = 0.05, DRIFT_MS = 1000, PRESSED = 0.2;

@@ -1,5 +1,6 @@
 // A person's hands on the instruments: their inputs, their frames to the rig, and the force that the page shows.
 
+import { t } from "../school/i18n.js";
 import { Grip } from "./grip.js";
 import { Gamepads, rumble } from "./gamepad.js";
 import { Keys } from "./keys.js";
@@ -66,7 +67,7 @@ export class Hands {
     this.token = token;
     if (this.link) return;
     $("take-hands").disabled = !token;
-    $("hand-hint").textContent = token ? HOW : NEEDS_TOKEN;
+    $("hand-hint").textContent = t(token ? HOW : NEEDS_TOKEN);
   }
 
   take() {
@@ -107,7 +108,7 @@ export class Hands {
     this.pointer.on = this.keys.on = on;
     this.view.stage.giveLeftButton(on);
     $("hands").classList.toggle("taken", on);
-    $("take-hands").textContent = on ? "Let go" : "Take the instruments";
+    $("take-hands").textContent = t(on ? "Let go" : "Take the instruments");
     if (!on) this.admit(this.token);
   }
 
@@ -118,7 +119,7 @@ export class Hands {
   choose(which) {
     this.active = which % Math.max(1, this.grips.length);
     if (!this.grip) return;
-    $("hand-which").textContent = `Hand: ${this.grip.name}`;
+    $("hand-which").textContent = t("Hand: {name}", { name: t(this.grip.name) });
     $("hand-hint").textContent = this.grip.hint(matchMedia("(pointer: coarse)").matches);
     this.showJaws();
     [...$("tools").children].forEach((row, i) => row.classList.toggle("active", i === this.grip.at));
@@ -126,7 +127,7 @@ export class Hands {
 
   showJaws() {
     $("hand-jaws").hidden = !this.grip.hasJaws;
-    $("hand-jaws").textContent = this.grip.opening === SHUT ? "Open jaws" : "Close jaws";
+    $("hand-jaws").textContent = t(this.grip.opening === SHUT ? "Open jaws" : "Close jaws");
   }
 
   toggleJaws() {
@@ -170,7 +171,7 @@ export class Hands {
     if (roll) this.grip.turn(roll);
     this.gamepads.read(seconds, now)?.forEach((hand, i) => this.follow(this.grips[i], hand, inWorld));
     this.tellOfPads();
-    this.link?.send(this.grips, this.begins);
+    this.link?.send(this.grips, this.begins, Math.round(10 * (this.view.painted ?? -1)) / 10);
     this.feel();
   }
 

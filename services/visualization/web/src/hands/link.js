@@ -13,8 +13,9 @@ export class HandLink {
 
   // Sends changes, and now and then the unchanged pose, so that the rig knows that the page is alive.
   // `begins`: number of restarts of the scene, from the greeting: the rig ignores hands of an earlier one.
-  send(grips, begins) {
-    const text = JSON.stringify([grips.map((grip) => grip.row()), begins]);
+  // `hz`: pictures a second that this page shows, by which the rig knows whether an attempt can count; -1: not known.
+  send(grips, begins, hz = -1) {
+    const text = JSON.stringify([grips.map((grip) => grip.row()), begins, hz]);
     if (this.socket.readyState !== WebSocket.OPEN || (text === this.last && ++this.quiet < 10)) return;
     this.last = text;
     this.quiet = 0;

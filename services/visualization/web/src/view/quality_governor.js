@@ -1,5 +1,5 @@
 // When a ladder of quality gives up a rung, and when it takes one back: pure, without a clock. The same as
-// services/runtime/quality_governor.py, which says why; both are held to test/quality_governor.json. Times in s.
+// services/runtime/loop/quality_governor.py, which says why; both are held to test/quality_governor.json. Times in s.
 export class QualityGovernor {
   constructor(levels, { calm_s, trial_s, longest_s }, way = [0]) {
     Object.assign(this, { levels, calm_s, trial_s, longest_s: longest_s ?? Infinity });

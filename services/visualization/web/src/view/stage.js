@@ -7,6 +7,7 @@ import { backdrop } from "./backdrop.js";
 import { Catheter, Duct, ForceArrow, samples, Tool } from "./bodies.js";
 import { MeetingRing } from "./cue.js";
 import { lightFrom } from "./gouraud.js";
+import { jawsAt } from "../hands/motion.js";
 import { Lens } from "./lens.js";
 
 // The canvas to draw on, and whether the browser draws on the processor (SwiftShader, llvmpipe), where every pixel counts: then edges
@@ -99,6 +100,7 @@ export class Stage {
     const bounds = new THREE.Box3().setFromArray(layout.rest);
     for (const name of ["mouth", "clamped"]) layout[`${name}Centre`] = centreOf(layout.rest, layout[name]);
     this.layout = layout;
+    this.ghost = null;
     this.duct = new Duct(layout, this.look);
     this.catheter = layout.particles > 1 ? new Catheter(layout, this.look) : null;
     this.tools = layout.tools.map((shape) => new Tool(shape, this.look));
@@ -145,17 +147,18 @@ export class Stage {
     this.controls.target.copy(aim);
     if (preset === "ports") this.controls.target.addScaledVector(up, 0.8 * s);
     this.controls.update();
+    if (preset === "scope" && this.jaws) this.lookOver(this.jaws);
   }
 
   // Called once the tools are seen: looks from the side of the duct from which the left tool is on the left of a plain picture.
   takeSides({ poses }) {
     const [left, right] = ["left", "right"].map((name) => this.layout.tools.findIndex((tool) => tool.name === name));
-    if (this.sided || poses.length < 7 || (left < 0 && right < 0)) return;
+    if (this.sided || !poses.length || !this.layout.tools.every((_, i) => isThere(poses, i))) return;
     this.sided = true;
     this.camera.updateMatrixWorld();
     const across = (i) => (i < 0 ? 0 : new THREE.Vector3(...poses.subarray(7 * i, 7 * i + 3)).project(this.camera).x);
-    if (across(left) <= across(right)) return;
-    this.sideSign = -1;
+    if (across(left) > across(right)) this.sideSign = -1;
+    this.jaws = this.layout.tools.map(({ port, jawLength }, i) => jawsAt([...poses.subarray(7 * i, 7 * i + 3)], port, jawLength));
     this.lookFrom("scope");
   }
 
@@ -178,12 +181,34 @@ export class Stage {
     this.catheter?.update(frame);
     this.tools.forEach((tool, i) => {
       const pose = frame.poses.subarray(7 * i, 7 * i + 7), force = frame.forces.subarray(3 * i, 3 * i + 3);
+      tool.root.visible = isThere(frame.poses, i);
       tool.update(pose, frame.jaws[i]);
       this.arrows[i].update(pose, force, colourOfForce(Math.hypot(...force)));
       this.arrows[i].object.visible &&= this.showForces;
-      if (this.showRings) this.rings[i].update(this.duct.wall, pose);
+      if (this.showRings && tool.root.visible) this.rings[i].update(this.duct.wall, pose);
       else this.rings[i].object.visible = false;
     });
+  }
+
+  // Hands of another attempt, half transparent among those of this one; `strength` from 0 to 1, null frame for none.
+  showGhost(frame, strength = 0.4) {
+    if (!frame) return this.ghost?.forEach(({ root }) => (root.visible = false));
+    this.ghost ??= this.layout.tools.map((shape) => {
+      const tool = new Tool(shape, this.look);
+      tool.root.traverse((object) => object.isMesh && (object.material = ghostly()));
+      this.bodies.add(tool.root);
+      return tool;
+    });
+    this.ghost.forEach((tool, i) => {
+      tool.root.visible = true;
+      tool.update(frame.poses.subarray(7 * i, 7 * i + 7), frame.jaws[i]);
+      tool.root.traverse((object) => object.isMesh && (object.material.opacity = strength));
+    });
+  }
+
+  // Whether a point of the world (3,) is before the eye, and not behind it.
+  isAhead(point) {
+    return new THREE.Vector3(...point).applyMatrix4(this.camera.matrixWorldInverse).z < 0;
   }
 
   resize(width, height) {
@@ -276,6 +301,11 @@ export class Stage {
     this.renderer.render(this.scene, this.camera);
   }
 }
+
+const ghostly = () => new THREE.MeshBasicMaterial({ color: "#8fd8ff", transparent: true, opacity: 0.4, depthWrite: false });
+
+// Whether the rig has said where tool `i` is: a quaternion is never zero.
+const isThere = (poses, i) => poses.subarray(7 * i + 3, 7 * i + 7).some((part) => part !== 0);
 
 function centreOf(rest, nodes) {
   if (!nodes?.length) return null;

@@ -37,7 +37,7 @@ export class ViewStream {
       this.want(this.wanted);
       this.handlers.onLink(null);
     };
-    socket.onmessage = ({ data }) => (typeof data === "string" ? this.text(JSON.parse(data)) : this.frame(data));
+    socket.onmessage = ({ data }) => (typeof data === "string" ? this.text(data) : this.frame(data));
     socket.onclose = () => {
       this.layout = this.newest = null;
       this.handlers.onLink(this.seen ? "The view is not reachable. Trying again…" : waiting(this.address, this.attempts));
@@ -51,14 +51,18 @@ export class ViewStream {
     this.socket.close();
   }
 
-  text(message) {
+  text(data) {
+    const message = JSON.parse(data);
+    if (message.type === "hello") this.hello = data;
     if (message.type === "rig") this.handlers.onRig(message);
     if (message.type !== "hello") return;
     this.layout = decodeHello(message);
+    this.keeper?.setHello(this.hello);
     this.handlers.onLayout(this.layout);
   }
 
   frame(buffer) {
+    this.keeper?.see(buffer); // before its numbers are changed to millimetres in place
     const frame = this.layout && decodeFrame(buffer, this.layout);
     if (!frame) return;
     this.newest = frame;

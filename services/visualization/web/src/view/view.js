@@ -2,21 +2,18 @@
 
 import { jawsAt } from "../hands/motion.js";
 import { force } from "../dashboard/format.js";
+import { colourOfForce } from "./colours.js";
 import { Governor, ladder } from "./governor.js";
 import { Film, nameOf, save } from "./keep.js";
 import { canvasFor, Stage } from "./stage.js";
 import { FULL, SCALE } from "./strain.js";
 
-const FORCE_FULL_N = 3;
+const FORCE_FULL_N = 3, NEAR = 0.7; // of the limit: the gauge warns before it is too much
 const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
 const LOOK_MS = 1000;
 const TIMED_EVERY = 10; // of so many pictures one is waited for, to know what it took
 
 const $ = (id) => document.getElementById(id);
-
-export function colourOfForce(newton) {
-  return newton < 1 ? "#67d1bd" : newton < 2 ? "#eab54d" : "#f0695a";
-}
 
 export class View {
   // onTurn(): what else is to be shown in a frame of the page; each frame costs a processor that draws, whatever is in it.
@@ -122,6 +119,18 @@ export class View {
     });
   }
 
+  // Draws nothing while something else covers it, such as a report.
+  rest(on) {
+    this.rests = on;
+    if (!on) this.ask();
+  }
+
+  // Shows hands of another attempt in the picture, see `Stage.setGhost`; null for none.
+  showGhost(frame, strength) {
+    this.stage.showGhost(frame, strength);
+    this.ask();
+  }
+
   // The view as it is, as a file: drawn in the same turn, as a browser keeps no picture beyond it.
   keepPicture() {
     if (!this.stage.layout) return;
@@ -177,11 +186,11 @@ export class View {
     }
     const moved = this.stage.moved();
     this.changed ||= moved || Boolean(frame);
-    if (this.stage.layout && this.changed && (frame || this.isTimeToDraw(now))) this.draw(now);
+    if (this.stage.layout && this.changed && !this.rests && (frame || this.isTimeToDraw(now))) this.draw(now);
     if (now - this.since >= LOOK_MS) this.look(now);
     if (frame) this.showForcesOf(frame);
     this.onTurn();
-    if (moved || (this.stage.layout && this.changed)) this.request();
+    if (moved || (this.stage.layout && this.changed && !this.rests)) this.request();
   }
 
   isTimeToDraw(now) {
@@ -208,12 +217,12 @@ export class View {
     const box = $("view").getBoundingClientRect();
     this.rows.forEach(({ row }, i) => {
       const { port, jawLength } = this.stage.layout.tools[i], tag = $("tags").children[i];
-      const { x, y } = this.stage.pixelOf(jawsAt([...frame.poses.subarray(7 * i, 7 * i + 3)], port, 0.65 * jawLength));
-      const at = (x - box.left) / box.width, high = (y - box.top) / box.height;
-      tag.hidden = !(at > 0 && at < 1 && high > 0 && high < 1);
+      const place = jawsAt([...frame.poses.subarray(7 * i, 7 * i + 3)], port, 0.65 * jawLength), { x, y } = this.stage.pixelOf(place);
+      const at = (x - box.left) / box.width, high = (y - box.top) / box.height, isAhead = this.stage.isAhead(place);
+      tag.hidden = !(isAhead && at > 0 && at < 1 && high > 0 && high < 1);
       const beside = Math.max(0, Math.min(x - box.left, box.width - tag.offsetWidth - tag.offsetLeft)); // whole, at the picture's edge
       tag.style.transform = `translate(${beside.toFixed(0)}px, ${(y - box.top).toFixed(0)}px)`;
-      if (Math.abs(at - 0.5) > 0.04 || !row.dataset.side) row.dataset.side = at < 0.5 ? "left" : "right";
+      if (Math.abs(at - 0.5) > 0.04 || !row.dataset.side) row.dataset.side = at < 0.5 === isAhead ? "left" : "right";
     });
   }
 
@@ -233,6 +242,7 @@ export class View {
       row.limit.hidden = !limit;
       if (limit) row.limit.style.left = `${100 * Math.min(1, Math.sqrt(limit / FORCE_FULL_N))}%`;
       row.row.dataset.over = limit && newton > limit ? "yes" : "no";
+      row.row.dataset.near = limit && newton > NEAR * limit && newton <= limit ? "yes" : "no";
       row.held.textContent = this.attempt?.held(i) ?? "";
       row.bar.style.transform = `scaleX(${Math.min(1, Math.sqrt(newton / FORCE_FULL_N))})`;
       row.bar.style.background = colourOfForce(newton);
@@ -244,6 +254,7 @@ export class View {
   // Once a second: figures, and whether to draw more or less finely.
   look(now) {
     const seconds = (now - this.since) / 1000, painted = this.frames / seconds;
+    this.painted = this.isSeen() ? painted : -1;
     $("picture-hz").textContent = this.last ? `${painted.toFixed(0)} Hz` : "–";
     this.showFigures();
     const offered = (this.stream?.countCame() ?? 0) / seconds;
@@ -254,6 +265,11 @@ export class View {
     if (looked && this.governor.look({ now: now / 1000, cost, offered, painted })) this.takeStep();
     this.scaleBar();
     this.beginAnew();
+  }
+
+  // Whether pictures can come: the page is in front, and the rig has sent some.
+  isSeen() {
+    return document.visibilityState === "visible" && Boolean(this.last);
   }
 
   showFigures() {

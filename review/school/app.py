@@ -1,0 +1,166 @@
+"""The school's web application, behind the page's server, which has checked whether a trainee or an instructor asks."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import msgspec
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from trocar.review.school.bench import Bench
+from trocar.review.school.replays import MOST_BYTES
+from trocar.review.school.reports import SCALES
+from trocar.services.runtime.errors import UserError
+
+#: Set by the page's server: who asks.
+ROLE = "x-trocar-role"
+_WORDS_BYTES, _PICTURE_BYTES = 1 << 16, 1 << 20
+_KINDS = {"csv": "text/csv", "json": "application/json", "xapi": "application/json"}
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+class Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a page asks for; each request takes what it needs of it."""
+
+    trainee: str = ""
+    pin: str = ""
+    course: str = ""
+    scale: str = ""
+    points: dict[str, int] = {}
+    at_s: float = 0.0
+    words: str = ""
+    by: str = "instructor"
+    kind: str = ""
+    value: str | bool = ""
+    recordings: bool = False
+
+
+def build_app(bench: Bench) -> Starlette:
+    """Return the application."""
+
+    def say(value: object, status: int = 200) -> Response:
+        return Response(msgspec.json.encode(value), status, media_type="application/json")
+
+    def answering(call: Callable[[Request, Ask], Any], *, desk: bool = False) -> Handler:
+        async def handle(request: Request) -> Response:
+            if desk and request.headers.get(ROLE) != "instructor":
+                return say({"error": "the token of the class is needed: only an instructor may do this"}, 403)
+            try:
+                text = await _body(request, _WORDS_BYTES)
+                ask = msgspec.json.decode(text, type=Ask) if text else Ask()
+                found = await run_in_threadpool(call, request, ask)
+            except msgspec.DecodeError as error:
+                return say({"error": f"the request cannot be read: {error}"}, 400)
+            except UserError as error:
+                return say({"error": str(error)}, 409)
+            return found if isinstance(found, Response) else say(found)
+
+        return handle
+
+    def enter(_request: Request, ask: Ask) -> object:
+        bench.enter(ask.trainee or bench.new_name(), ask.pin)
+        return bench.state()
+
+    def leave(_request: Request, _ask: Ask) -> object:
+        bench.leave()
+        return bench.state()
+
+    def choose(request: Request, ask: Ask) -> object:
+        by = request.headers.get(ROLE, "trainee")
+        bench.choose(ask.course, by, ask.trainee if by == "instructor" else "")
+        return bench.state()
+
+    def curve(request: Request, _ask: Ask) -> object:
+        query = request.query_params
+        return bench.curve(query.get("trainee", ""), query.get("scenario", ""))
+
+    async def replay(request: Request) -> Response:
+        attempt_id = request.path_params["attempt_id"]
+        try:
+            if request.method == "PUT":
+                data = await _body(request, MOST_BYTES)
+                await run_in_threadpool(bench.replays.keep, attempt_id, data)
+                return say({"ok": True})
+            path = bench.replays.path(attempt_id)
+            data = await run_in_threadpool(path.read_bytes)
+        except FileNotFoundError:
+            return say({"error": "this attempt has no pictures: no page saw it"}, 404)
+        except UserError as error:
+            return say({"error": str(error)}, 400)
+        return Response(data, media_type="application/octet-stream")
+
+    async def picture(request: Request) -> Response:
+        if request.method == "PUT":
+            bench.show(await _body(request, _PICTURE_BYTES))
+            return say({"ok": True})
+        if request.headers.get(ROLE) != "instructor":
+            return say({"error": "only an instructor may look"}, 403)
+        image = bench.picture()
+        return say({"error": "no page is open"}, 404) if image is None else Response(image, media_type="image/jpeg")
+
+    def export(request: Request, _ask: Ask) -> Response:
+        form = request.path_params["form"]
+        if form not in _KINDS:
+            raise UserError(f"{form!r} is no form of export; known: {', '.join(_KINDS)}")
+        return Response(bench.export(form, request.query_params.get("trainee")), media_type=_KINDS[form])
+
+    def done(act: Callable[[Ask, Request], object]) -> Callable[[Request, Ask], object]:
+        def call(request: Request, ask: Ask) -> object:
+            act(ask, request)
+            return {"ok": True}
+
+        return call
+
+    def number(request: Request) -> int:
+        return int(request.path_params["number"])
+
+    routes = [
+        Route("/state", answering(lambda _r, _a: bench.state())),
+        Route("/pulse", answering(lambda _r, _a: bench.pulse())),
+        Route("/picture", picture, methods=["GET", "PUT"]),
+        Route("/name", answering(lambda _r, _a: {"name": bench.new_name()})),
+        Route("/enter", answering(enter), methods=["POST"]),
+        Route("/leave", answering(leave), methods=["POST"]),
+        Route("/course", answering(choose), methods=["POST"]),
+        Route("/attempts", answering(lambda r, _a: bench.listed(r.query_params.get("trainee", "")))),
+        Route("/attempts/{number:int}", answering(lambda r, _a: bench.report(number(r)))),
+        Route("/curve", answering(curve)),
+        Route("/ghost/{scenario}", answering(lambda r, _a: {"attempt_id": bench.ghost(r.path_params["scenario"])})),
+        Route("/replay/{attempt_id}", replay, methods=["GET", "PUT"]),
+        Route("/scales", answering(lambda _r, _a: SCALES)),
+        Route("/class", answering(lambda _r, _a: bench.table(), desk=True)),
+        Route("/journal", answering(lambda _r, _a: bench.journal(), desk=True)),
+        Route("/export/{form}", answering(export, desk=True)),
+        Route(
+            "/attempts/{number:int}/rating",
+            answering(done(lambda a, r: bench.rate(number(r), a.scale, a.points, a.by)), desk=True), methods=["POST"],
+        ),
+        Route(
+            "/attempts/{number:int}/bookmark",
+            answering(done(lambda a, r: bench.bookmark(number(r), a.at_s, a.words, a.by)), desk=True), methods=["POST"],
+        ),
+        Route(
+            "/mark", answering(done(lambda a, _r: bench.mark(a.trainee, a.kind, a.value, a.by)), desk=True),
+            methods=["POST"],
+        ),
+        Route("/message", answering(done(lambda a, _r: bench.say(a.words, a.by)), desk=True), methods=["POST"]),
+        Route(
+            "/erase", answering(done(lambda a, _r: bench.erase(a.trainee, a.by, recordings=a.recordings)), desk=True),
+            methods=["POST"],
+        ),
+    ]  # fmt: skip
+    return Starlette(routes=routes)
+
+
+async def _body(request: Request, most: int) -> bytes:
+    data = bytearray()
+    async for part in request.stream():
+        data += part
+        if len(data) > most:
+            raise UserError(f"more than {most} bytes are not taken")
+    return bytes(data)

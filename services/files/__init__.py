@@ -1,0 +1,1 @@
+"""Files that are written whole, and places that nobody else may write."""

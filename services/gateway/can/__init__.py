@@ -1,0 +1,1 @@
+"""CAN buses, ODrives on them, and adapters."""

@@ -1,0 +1,1 @@
+"""Interfaces of device drivers, and what drivers of several makers share."""

@@ -1,0 +1,57 @@
+"""The force that a device is given by another program, which rises and turns no faster than the rig's limit.
+
+The servo's law keeps this limit, too. But a device that was not served for some ticks would get in one step what the
+law has changed in all of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway.servo.servo_law import MAX_STEP_S
+from trocar.services.runtime.config.rig import Vector3
+
+#: A device that got no force for longer may have let go, so the next begins at none.
+FORGOTTEN_NS = 5_000_000
+SPARE_S = 0.5 * TICK_S
+NO_FORCE: Vector3 = (0.0, 0.0, 0.0)
+_EXACT_N = 1e-9
+
+
+class LimitedForce:
+    """The newest force given, and what may follow it. It falls at once, along itself.
+
+    A tick may be early or late by some of `SPARE_S`, so time that was not used counts in the next, up to this.
+    """
+
+    def __init__(self, rate_n_s: float) -> None:
+        self.given = NO_FORCE
+        self._rate_n_s = rate_n_s
+        self._given_ns = 0
+        self._credit_s = 0.0
+
+    def next(self, wanted: Vector3, now_ns: int) -> tuple[Vector3, bool]:
+        """Return the force to give now instead of `wanted`, and whether it is the wanted one."""
+        passed_ns = now_ns - self._given_ns
+        if self._given_ns and 0 <= passed_ns <= FORGOTTEN_NS:
+            self._credit_s = min(self._credit_s, SPARE_S) + min(1e-9 * passed_ns, MAX_STEP_S)
+        else:
+            self.given, self._credit_s = NO_FORCE, TICK_S
+        self._given_ns = now_ns
+        x, y, z = self._fallen(wanted)
+        dx, dy, dz = wanted[0] - x, wanted[1] - y, wanted[2] - z
+        size_n, most_n = math.sqrt(dx * dx + dy * dy + dz * dz), self._rate_n_s * self._credit_s
+        share = most_n / size_n if size_n > most_n else 1.0
+        self._credit_s -= share * size_n / self._rate_n_s
+        self.given = (x + share * dx, y + share * dy, z + share * dz)
+        return self.given, size_n <= most_n + _EXACT_N
+
+    def _fallen(self, wanted: Vector3) -> Vector3:
+        """Return what the last force may fall to at once on its way to the wanted one."""
+        x, y, z = self.given
+        square = x * x + y * y + z * z
+        if square == 0.0:
+            return self.given
+        along = min(1.0, max(0.0, (x * wanted[0] + y * wanted[1] + z * wanted[2]) / square))
+        return along * x, along * y, along * z

@@ -1,0 +1,1 @@
+"""Virtual hands for input devices without force: mouse, keyboard, gamepad and SpaceMouse."""

@@ -1,0 +1,1 @@
+"""The instruments of the rig: each one's arm, handle and servo, and the contact models that reach it."""

@@ -1,0 +1,1 @@
+"""Motions that are prepared: scripts, scenarios of the mechanics, and hands that fit the rig's scene."""

@@ -1,0 +1,1 @@
+"""The force law that a hand feels, and what bounds it: pure functions, without clock, bus or device."""

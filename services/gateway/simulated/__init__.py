@@ -1,0 +1,1 @@
+"""Simulated arms and emulated drives: devices that this machine computes."""

@@ -1,0 +1,1 @@
+"""What a command tells a person: exit codes, and parts of sentences."""

@@ -1,0 +1,1 @@
+"""The bus: topics, endpoints, keys, clocks of other hosts, and the paths that frames take."""

@@ -1,0 +1,1 @@
+"""Configuration: the rig file, its bounds, and what a scene requires of a rig."""

@@ -1,0 +1,1 @@
+"""The deadline loop, and what loops use in a tick."""

@@ -1,0 +1,1 @@
+"""Opening a process of the rig, and its reports on itself."""

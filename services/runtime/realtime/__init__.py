@@ -1,0 +1,1 @@
+"""Real-time set-up of a process: scheduling class, memory, and what the machine granted."""

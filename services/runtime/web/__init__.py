@@ -1,0 +1,1 @@
+"""Common parts of the rig's web servers: certificate, headers, host."""

@@ -1,0 +1,1 @@
+"""The page's process and its data: dashboard, metrics, and the commands of people."""

@@ -1,0 +1,127 @@
+"""The school's process beside the rig, and the way to it: requests under ``/school/`` go to its socket.
+
+It judges attempts, keeps them, and knows courses. It belongs to an upper layer, so it is started by its name, and a rig
+without it runs as well.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from importlib.util import find_spec
+from pathlib import Path
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+
+from trocar.services.runtime.bus.endpoints import run_directory
+from trocar.services.runtime.config.rig import Transport
+from trocar.services.supervisor.control.supervisor import Supervisor
+from trocar.services.supervisor.crew.launcher import Child
+from trocar.services.supervisor.crew.processes import ProcessSpec
+from trocar.services.supervisor.crew.restart_policy import MINUTE_S, RestartPolicy
+from trocar.services.supervisor.judge.state_machine import RigState
+from trocar.services.supervisor.page.page_link import Link, PageSetup
+
+_MODULE = "trocar.review.school"
+_SCHOOL = ProcessSpec("school", _MODULE)
+_RETRY_S, _RETRIES, _END_S = 5.0, 3, 3.0
+_PART_BYTES, _HEAD_BYTES, _PATIENCE_S = 1 << 16, 1 << 16, 30.0
+
+
+def socket_path(transport: Transport) -> Path:
+    """Return the path of the school's socket."""
+    return run_directory(transport) / "school.sock"
+
+
+class School:
+    """Starts the school's process, and starts it again if it ends."""
+
+    def __init__(self, supervisor: Supervisor, setup: PageSetup, log_directory: Path) -> None:
+        self._supervisor, self._setup = supervisor, setup
+        self._log_file = log_directory / "school.log"
+        self._child: Child | None = None
+        self._link: Link | None = None
+        self._restarts = RestartPolicy((_RETRY_S,), _RETRIES)
+        self._due_s = 0.0
+        self._is_there = supervisor.rig.replay is None and _is_installed()
+
+    def end(self) -> None:
+        """Let the process end, without waiting for it."""
+        if self._link is not None:
+            self._link.close()
+
+    def close(self) -> None:
+        """End the process."""
+        self.end()
+        if self._child is not None:
+            self._child.wait(_END_S)
+            self._child.kill()
+            self._child.close()
+
+    def turn(self, now_s: float) -> None:
+        """Start the process if it does not run and is due."""
+        if not self._is_there or now_s < self._due_s or self._supervisor.state is RigState.STARTING:
+            return  # what starts with the rig delays it
+        if self._child is None:
+            self._start()
+        elif self._child.end() is not None:
+            self._lost(now_s)
+
+    def _start(self) -> None:
+        self._link, other = Link.pair()
+        self._link.send(self._setup)
+        self._child = Child(_SCHOOL, [str(other.fileno())], self._log_file, [other.fileno()])
+        other.close()
+
+    def _lost(self, now_s: float) -> None:
+        if self._child is not None and self._link is not None:
+            self._link.close()
+            self._child.close()
+        self._child = self._link = None
+        delay_s = self._restarts.delay_s(now_s)
+        self._due_s = now_s + (MINUTE_S if delay_s is None else delay_s)
+        self._supervisor.say("warning", f"supervisor: the school's process ended, see {self._log_file}")
+
+
+def _is_installed() -> bool:
+    try:
+        return find_spec(_MODULE) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+async def pass_on(request: Request, path: Path, role: str) -> Response:
+    """Return the school's answer to a request of a trainee or an instructor."""
+    try:
+        reader, writer = await asyncio.open_unix_connection(str(path), limit=_HEAD_BYTES)
+    except OSError:
+        return JSONResponse({"error": "the school does not answer: it starts, or is not installed"}, 503)
+    try:
+        target = "/" + request.path_params["path"] + (f"?{request.url.query}" if request.url.query else "")
+        length = int(request.headers.get("content-length") or 0)
+        head = f"{request.method} {target} HTTP/1.1\r\nhost: school\r\nconnection: close\r\n"
+        writer.write(f"{head}x-trocar-role: {role}\r\ncontent-length: {length}\r\n\r\n".encode("latin-1"))
+        async for part in request.stream():
+            writer.write(part)
+            await writer.drain()
+        status, kind = await asyncio.wait_for(_head(reader), _PATIENCE_S)
+    except (OSError, ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
+        writer.close()
+        return JSONResponse({"error": "the school has not answered"}, 504)
+    return StreamingResponse(_parts(reader, writer), status, media_type=kind, headers={"Cache-Control": "no-store"})
+
+
+async def _head(reader: asyncio.StreamReader) -> tuple[int, str]:
+    """Return status and media type of an answer."""
+    lines = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
+    headers = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines[1:])}
+    return int(lines[0].split(" ")[1]), headers.get("content-type", "application/octet-stream")
+
+
+async def _parts(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> AsyncIterator[bytes]:
+    try:
+        while part := await reader.read(_PART_BYTES):
+            yield part
+    finally:
+        writer.close()

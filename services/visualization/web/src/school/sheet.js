@@ -1,0 +1,178 @@
+// The sheet over the picture: the report of an attempt with its replay, the list of one's own attempts, and the curve.
+
+import { element, text } from "../dashboard/rows.js";
+import { clock } from "../attempt/words.js";
+import { said, t } from "./i18n.js";
+import { cost, what } from "./sentences.js";
+import { Player } from "./player.js";
+import { chart, Track } from "./track.js";
+
+const $ = (id) => document.getElementById(id);
+const LEAD_S = 2;
+
+export class Sheet {
+  // school: who knows; view(): as it is now; onNext(): what "next task" does; onAgain(): the same task again
+  constructor(school, view, { onNext, onAgain }) {
+    Object.assign(this, { school, view, onNext, onAgain });
+    $("sheet-close").onclick = () => this.close();
+    addEventListener("keydown", (event) => event.key === "Escape" && this.open && this.close());
+  }
+
+  get open() {
+    return !$("sheet").hidden;
+  }
+
+  show(title) {
+    $("sheet").hidden = false;
+    text($("sheet-title"), title);
+    this.view()?.rest?.(true);
+    $("sheet").scrollTop = 0;
+    $("sheet").focus();
+  }
+
+  close() {
+    this.player?.close();
+    this.player = null;
+    $("sheet").hidden = true;
+    this.view()?.rest?.(false);
+  }
+
+  // The report of an attempt, by its number. `next`: the next task, null for none.
+  async report(number, next = null) {
+    const report = await this.school.ask(`attempts/${number}`);
+    for (const each of report.costs) each.words = cost(each);
+    this.show(t("{who}: {title}", { who: report.trainee, title: said(report.title) }));
+    const left = element("div", { className: "replay-box" }), right = element("div", { className: "report" });
+    $("sheet-body").replaceChildren(left, right);
+    right.replaceChildren(
+      this.verdict(report), this.buttons(next), this.costs(report), this.advice(report), await this.curve(report), this.ratings(report),
+    );
+    await this.replay(left, report);
+  }
+
+  verdict(report) {
+    const points = report.score ? t("{points} points", { points: Math.round(report.score.total) }) : t("no score");
+    const parts = [element("p", { className: `verdict ${report.level}`, textContent: said(report.verdict) })];
+    parts.push(element("p", { className: "points" }, element("b", { textContent: points }), element("span", { textContent: ` ${t("in {time} of {most}", { time: clock(report.time_s), most: clock(report.time_limit_s) })}` })));
+    if (!report.counts) parts.push(element("p", { className: "not", textContent: t("This attempt does not count: {why}.", { why: report.why_not.map(said).join("; ") }) }));
+    if (report.slowest < 0.95) parts.push(element("p", { className: "small", textContent: t("The clock went as slow as {percent} % of real time, so that nothing was lost.", { percent: Math.round(100 * report.slowest) }) }));
+    return element("section", {}, ...parts);
+  }
+
+  buttons(next) {
+    const again = element("button", { id: "report-again", className: "action", textContent: t("Once more"), onclick: () => { this.close(); this.onAgain(); } });
+    const on = next && element("button", { id: "report-next", className: "action go", textContent: t("Next task: {title}", { title: t(next.title) }), onclick: () => { this.close(); this.onNext(next); } });
+    const told = next ? element("p", { className: "small", textContent: next.told }) : "";
+    return element("section", { className: "controls" }, on || "", again, told);
+  }
+
+  costs(report) {
+    const list = element("ul", { className: "costs" }, ...report.costs.map((each) => element("li", {},
+      element("button", { className: "jump", textContent: clock(each.begin_s), title: t("See it in the replay"), onclick: () => this.player?.go(Math.max(0, each.begin_s - LEAD_S)) }),
+      element("span", { textContent: each.words }))));
+    const none = report.costs.length ? "" : element("p", { textContent: t("Nothing cost points but the time.") });
+    return element("section", {}, element("h2", { textContent: t("What cost points") }), list, none);
+  }
+
+  advice(report) {
+    return element("section", { className: "advice" }, element("h2", { textContent: t("Practise next") }), ...report.advice.map((each) => element("p", { textContent: said(each) })));
+  }
+
+  async curve(report) {
+    const box = element("section", {}, element("h2", { textContent: t("Your curve") }));
+    const found = await this.school.ask(`curve?trainee=${encodeURIComponent(report.trainee)}&scenario=${encodeURIComponent(report.scenario)}`);
+    box.append(...curveOf(found));
+    return box;
+  }
+
+  // An instructor's ratings, as kept.
+  ratings(report) {
+    const rows = report.notes.filter(({ kind }) => kind !== "course").map(({ kind, by, data }) => {
+      const words = kind === "bookmark" ? `${clock(data.at_s)} ${data.words}` : Object.entries(data).map(([name, points]) => `${t(name)} ${points}`).join(", ");
+      const jump = kind === "bookmark" ? element("button", { className: "jump", textContent: clock(data.at_s), onclick: () => this.player?.go(data.at_s) }) : "";
+      return element("li", {}, jump, element("span", { textContent: `${kind.toUpperCase()} (${by}): ${words}` }));
+    });
+    return rows.length ? element("section", {}, element("h2", { textContent: t("What your instructor says") }), element("ul", { className: "costs" }, ...rows)) : "";
+  }
+
+  async replay(box, report, other = null) {
+    if (!report.has_replay) return box.replaceChildren(element("p", { className: "message", textContent: t("There are no pictures of this attempt: no page saw it.") }));
+    box.replaceChildren(element("p", { className: "message", textContent: t("The replay is loaded…") }));
+    try {
+      const tracks = [await Track.load(this.school, report.attempt_id, report.from_tick)];
+      if (other) tracks.push(await Track.load(this.school, other.attempt_id, other.from_tick));
+      this.player?.close();
+      this.player = new Player(box, this.view()?.governor?.step ?? { ratio: 1, look: "coarse", shadows: false });
+      this.player.show(tracks, [report.trainee, other?.trainee ?? ""], report);
+      globalThis.trocar.player = this.player;
+    } catch (error) {
+      box.replaceChildren(element("p", { className: "message", textContent: error.message }));
+    }
+  }
+
+  // All attempts of a trainee: open one, or choose two to see side by side.
+  async library(trainee) {
+    const rows = await this.school.ask(`attempts?trainee=${encodeURIComponent(trainee)}`);
+    this.show(t("Attempts of {who}", { who: trainee }));
+    const chosen = new Set();
+    const compare = element("button", { className: "action", textContent: t("Two side by side"), disabled: true, onclick: () => this.compare([...chosen]) });
+    const example = element("button", { textContent: t("One beside the example"), disabled: true, onclick: () => this.compareWithExample([...chosen][0]) });
+    const choose = (row, on) => {
+      if (on) chosen.add(row);
+      else chosen.delete(row);
+      compare.disabled = chosen.size !== 2;
+      example.disabled = chosen.size !== 1;
+    };
+    const table = element("table", { className: "attempts" }, element("thead", {}, element("tr", {}, ...["", "when", "task", "outcome", "time", "score", "errors", "", ""].map((each) => element("th", { textContent: t(each) })))),
+      element("tbody", {}, ...rows.map((row) => this.row(row, choose))));
+    const none = rows.length ? "" : element("p", { textContent: t("None yet.") });
+    $("sheet-body").replaceChildren(element("div", { className: "wide" }, element("div", { className: "controls" }, compare, example), element("div", { className: "scroll" }, table), none));
+  }
+
+  row(row, choose) {
+    const tick = element("input", { type: "checkbox", disabled: !row.has_replay, onchange: (event) => choose(row, event.target.checked) });
+    tick.setAttribute("aria-label", t("Choose attempt {n}", { n: row.id }));
+    const outcome = `${t(row.outcome)}${row.counts ? "" : ` (${t("does not count")})`}${row.examined ? ` · ${t("examination")}` : ""}`;
+    const save = row.has_replay ? element("button", { textContent: t("Download"), onclick: () => this.download(row) }) : "";
+    const open = element("button", { className: "action", textContent: t("Open"), onclick: () => this.report(row.id) });
+    const cells = [tick, new Date(row.began_ns / 1e6).toLocaleString(), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
+    return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
+  }
+
+  async download(row) {
+    const answer = await this.school.ask(`replay/${row.attempt_id}`, { raw: true });
+    const link = element("a", { href: URL.createObjectURL(await answer.blob()), download: `${row.trainee}-${row.attempt_id}.view.gz` });
+    link.click();
+    URL.revokeObjectURL(link.href);
+  }
+
+  async compare([one, other]) {
+    const report = await this.school.ask(`attempts/${one.id}`);
+    for (const each of report.costs) each.words = what(each.code);
+    this.show(t("Two attempts at the same second"));
+    const left = element("div", { className: "replay-box both" });
+    $("sheet-body").replaceChildren(left);
+    await this.replay(left, report, other);
+  }
+
+  async compareWithExample(row) {
+    const { attempt_id: id } = await this.school.ask(`ghost/${row.scenario}`);
+    if (id) await this.compare([row, { attempt_id: id, from_tick: -1, trainee: t("example") }]);
+  }
+}
+
+// The learning curve: score by attempt with the experts' band, and CUSUM of failures.
+export function curveOf({ score, cusum, band, band_of: behind }) {
+  if (!score.length) return [element("p", { className: "small", textContent: t("No attempt counts yet.") })];
+  const points = score.map((y, i) => [i + 1, y ?? 0]);
+  const lines = band ? [{ y: band.mean, words: t("experts' mean"), kind: "goal" }, { y: Math.max(0, band.mean - 2 * band.deviation), words: t("proficient"), kind: "limit" }] : [];
+  const dots = points.map(([x, y]) => ({ x, y, kind: "made", words: `${x}: ${Math.round(y)}` }));
+  const found = [chart({ curves: [{ points, kind: "c0" }], lines, dots, xWords: t("attempt"), yWords: t("score"), label: t("Score by attempt") })];
+  const told = band ? t("The band is of {n} attempts of experts.", { n: behind }) : t("Nobody's attempts are named as references yet: there is no band.");
+  found.push(element("p", { className: "small", textContent: told }));
+  if (cusum.values.length > 1) {
+    const cleared = [{ y: cusum.alarm, words: t("not acceptable above"), kind: "limit" }];
+    found.push(chart({ curves: [{ points: cusum.values.map((y, i) => [i + 1, y]), kind: "c1" }], lines: cleared, height: 100, xWords: t("attempt"), yWords: "CUSUM", label: t("CUSUM of failures") }));
+  }
+  return found;
+}
