@@ -43,6 +43,7 @@ class EnergyFlow:
         impact_j: Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
         healing_j: What was stored before the parts of steps that ended in states that were not sound, less what is
             stored in those that were taken up again. The part itself is not entered: nothing was felt of it.
+        withheld_j: What parts of steps have lost that kept only a share of their motion.
         released_j: What holds had stored that were let go, and couplings of tools that came back elsewhere; less what
             holds come back with that had found no row for a while.
         numerical_j: What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance
@@ -60,6 +61,7 @@ class EnergyFlow:
     released_j: float = 0.0
     numerical_j: float = 0.0
     healing_j: float = 0.0
+    withheld_j: float = 0.0
 
     @property
     def dissipated_j(self) -> float:
@@ -149,6 +151,9 @@ class EnergyBook:
     def _end(self, dt_s: float) -> None:
         """Enter a part of a step."""
         before, slipped_j, spent_j = self._before, self._slipped_j, self._spent_j
+        if self.simulation.share < 1.0:
+            self._enter_part_taken_back(before, dt_s)
+            return
         self._rod = catheter_energy(self.simulation.world, self._work)
         self._enter_tools(before, dt_s)
         self._enter_rod(before, dt_s)
@@ -158,6 +163,18 @@ class EnergyBook:
         self.flow.numerical_j += self.simulation.squeeze.arrays.dissipated_j - self._squeezed_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self.flow.stored_j = self._stored_j() - self._opening_j
+        self._begun = None
+        if self._other is not None:
+            self._other.end(dt_s)
+
+    def _enter_part_taken_back(self, before: _Snapshot, dt_s: float) -> None:
+        """Enter what hands have done in a part that has kept only a share of its motion; the rest is withheld."""
+        owed_j = self.flow.imbalance_j
+        self._rod = catheter_energy(self.simulation.world, self._work)
+        if dt_s > 0.0:
+            self._enter_tools(before, dt_s)
+        self.flow.stored_j = self._stored_j() - self._opening_j
+        self.flow.withheld_j += self.flow.imbalance_j - owed_j
         self._begun = None
         if self._other is not None:
             self._other.end(dt_s)

@@ -174,6 +174,12 @@ class CatheterBody:
         self._was_touched, self._was_woken, self.slept = self._saved_flags
         self.state.slow_velocity_m_s = self._saved_slow
 
+    def take_back(self, share: float) -> None:
+        """Let the velocities that lag change by a share of what they have changed by since `save_start`."""
+        slow, saved = self.state.slow_velocity_m_s, self._saved_slow
+        if slow is not None and saved is not None:
+            slow[:] = saved + share * (slow - saved)
+
     def halt(self) -> None:
         """Stop all motion at the present position."""
         self.state.halt()

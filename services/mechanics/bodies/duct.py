@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray
+from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
 from trocar.services.mechanics.bodies.duct_loads import DuctLoads, DuctMotion, correct, hold_force, motion_at
 from trocar.services.mechanics.bodies.wall_motion import wall_motion
 from trocar.services.mechanics.compiled import kernel
@@ -257,6 +257,15 @@ class DuctBody:
         state, loads = self.state, self._loads
         modal = state.q, state.qdot, state.qddot, self.contact_impulse, loads.last, self._debt, self.taken
         return *modal, self.load_nodes, self.load_force_n, self._n_loads
+
+    def load_arrays(self) -> tuple[IntArray, FloatArray, LongArray]:
+        """Return the live arrays of the loads on nodes: nodes, forces, and how many there are."""
+        return self.load_nodes, self.load_force_n, self._n_loads
+
+    def write_acceleration(self) -> None:
+        """Write the acceleration that belongs to position, rates and loads."""
+        self.state.qddot[:] = self.modal_force - self.reduced.basis.omega_rad_s**2 * self.state.q
+        self.state.qddot -= self._loads.damping * self.state.qdot
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes, from `predict` on."""

@@ -44,6 +44,13 @@ class SavedArrays:
         self._live, self._copies = live, [array.copy() for array in live]
         self._save, self._restore = copy_table(self._copies, live), copy_table(live, self._copies)
 
+    def saved(self, live: AnyArray) -> AnyArray:
+        """Return the copy of one of the live arrays. Raises KeyError if it is none of them."""
+        for array, copy in zip(self._live, self._copies, strict=True):
+            if array is live:
+                return copy
+        raise KeyError("the array is not among the saved ones")
+
     def save(self) -> None:
         """Copy the live arrays."""
         copy_arrays(self._save)

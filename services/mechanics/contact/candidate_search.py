@@ -44,7 +44,13 @@ from trocar.services.mechanics.contact.engagement import engage_tools
 from trocar.services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
 from trocar.services.mechanics.contact.laws import HAS_GAP
 from trocar.services.mechanics.contact.layers import count_layers
-from trocar.services.mechanics.contact.price import piece_of, write_capsule_violations, write_chosen, write_violations
+from trocar.services.mechanics.contact.price import (
+    piece_of,
+    write_capsule_violations,
+    write_chosen,
+    write_depths,
+    write_violations,
+)
 from trocar.services.mechanics.contact.spheres import Spheres
 from trocar.services.mechanics.contact.state import ContactState, state_at
 from trocar.services.mechanics.contact.system import STRATEGIES, ContactSystem
@@ -107,6 +113,7 @@ class CandidateSearch:
             tools_at_start=ToolPoses.zeros(),
             margin_m=self._margin_m,
         )
+        self._depths_m = np.zeros(n_pieces + N_TOOL_PIECES)
 
     def set_spheres(self, spheres: Spheres) -> None:
         """Find contacts of spheres with the wall too; again once there are more of them."""
@@ -122,6 +129,12 @@ class CandidateSearch:
         """How far the wall may move after the step is priced, before it touches a body or what is no candidate."""
         found = self._arrays.found
         return max(float(found.gap_m[: found.count].min(initial=LOOK_AHEAD_M)), 0.0)
+
+    @property
+    def least_gap_m(self) -> float:
+        """Least gap of the candidates that were measured last, negative for an overlap."""
+        found = self._arrays.found
+        return float(found.gap_m[: found.count].min(initial=math.inf))
 
     def begin(self, system: ContactSystem) -> None:
         """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
@@ -140,6 +153,16 @@ class CandidateSearch:
         duct = system.bodies.duct
         addresses = self._arrays.address, system.address, duct.loads_address
         return int(price_end(addresses, duct.lasting_loads, tolerance_m, pairs.address))
+
+    def depths_m(self, system: ContactSystem, share: float) -> FloatArray:
+        """Return how deep each piece is in the wall, and those of tools in the catheter; a live view.
+
+        Bodies are measured where they are now, stones at ``share`` of the step.
+        """
+        duct = system.bodies.duct
+        addresses = self._arrays.address, system.address, duct.loads_address
+        write_depths_now(addresses, duct.lasting_loads, share, self._depths_m)
+        return self._depths_m
 
     def update_working_set(self, state: Address[ContactState]) -> None:
         """Age the working set by a step, and renew the features whose contacts carried a force in it."""
@@ -215,10 +238,37 @@ def price_end(
     See `write_violations` and `write_capsule_violations`.
     """
     search, state, duct = search_at(addresses[0]), state_at(addresses[1]), loads_at(addresses[2])
+    known, tools, pairs = search.known, state.geometry.tools, pairs_at(pairs_address)
+    _measure_now(search, state, duct, lasting, 1.0)
+    start, candidates = (search.start, search.start_wall.position), (search.found, search.violations)
+    n_pairs = write_violations((known.list, candidates, search.working, state), start, tolerance_m, pairs)
+    n_pairs += write_capsule_violations((known.list, search.capsules, state, pairs), search.start, tolerance_m)
+    move_back(tools, search.tools_at_start)
+    return int(n_pairs)
+
+
+@kernel
+def write_depths_now(
+    addresses: tuple[Address[SearchArrays], Address[ContactState], Address[DuctLoads]],
+    lasting: Loads,
+    share: float,
+    out: FloatArray,
+) -> None:
+    """Measure where the bodies are at ``share`` of the step, and write their depths, see `write_depths`."""
+    search, state, duct = search_at(addresses[0]), state_at(addresses[1]), loads_at(addresses[2])
+    _measure_now(search, state, duct, lasting, share)
+    start, candidates = (search.start, search.start_wall.position), (search.found, search.violations)
+    write_depths((search.known.list, candidates, search.capsules, state), start, out)
+    move_back(state.geometry.tools, search.tools_at_start)
+    search.is_measured = False
+
+
+@kernel
+def _measure_now(search: SearchArrays, state: ContactState, duct: DuctLoads, lasting: Loads, share: float) -> None:
+    """Measure the candidates where the bodies are at ``share`` of the step; tools stay posed at their proxies."""
     known, found, start_wall, count = search.known, search.found, search.start_wall, duct.count[0]
-    tools, pairs = state.geometry.tools, pairs_at(pairs_address)
-    move_to_proxies(tools, search.tools_at_start)
-    _write_bodies(known.list, state, state.geometry.rod.position_now, 1.0)
+    move_to_proxies(state.geometry.tools, search.tools_at_start)
+    _write_bodies(known.list, state, state.geometry.rod.position_now, share)
     loads = (duct.node[:count], duct.force[:count]), lasting
     follow_end(known, duct.free.q, loads, (start_wall, search.start), search.ahead)
     measure(known, found)
@@ -226,11 +276,6 @@ def price_end(
         request_triangle(start_wall, known.list.clusters, found.triangle[i])
     place_requested(start_wall)
     search.is_measured = True
-    start, candidates = (search.start, start_wall.position), (found, search.violations)
-    n_pairs = write_violations((known.list, candidates, search.working, state), start, tolerance_m, pairs)
-    n_pairs += write_capsule_violations((known.list, search.capsules, state, pairs), search.start, tolerance_m)
-    move_back(tools, search.tools_at_start)
-    return int(n_pairs)
 
 
 @inlined_kernel

@@ -169,16 +169,18 @@ def limit_recovery(rows: ContactRows, budget_j: float, free: FloatArray) -> bool
     """Limit the recovery of overlaps so that the present forces do at most the work ``budget_j`` (J).
 
     Return whether any recovery is limited. With a budget of zero nothing is recovered, not even where no force acts
-    yet. ``free`` (3 k,) is the motion without contact forces, as `free_motion` has written it; it is updated.
+    yet. A correction is no recovery: with it the true gap stays as it is, and the force does no work. ``free`` (3 k,)
+    is the motion without contact forces, as `free_motion` has written it; it is updated.
     """
     if 0.0 < budget_j >= recovery_work_j(rows):
         return False
     row_limit_j = _row_work_limit_j(rows, budget_j)
     for row in range(rows.n_contacts):
-        work, unlimited_m = _row_recovery_work_j(rows, row), rows.effective_gap_m[row]
-        if unlimited_m < 0.0 and (work > row_limit_j or budget_j == 0.0):
-            rows.effective_gap_m[row] *= row_limit_j / work if work > 0.0 else 0.0
-            free[3 * row] += rows.effective_gap_m[row] - unlimited_m
+        work, recovered_m = _row_recovery_work_j(rows, row), rows.effective_gap_m[row] - rows.correction_m[row]
+        if recovered_m < 0.0 and (work > row_limit_j or budget_j == 0.0):
+            less_m = (1.0 - (row_limit_j / work if work > 0.0 else 0.0)) * recovered_m
+            rows.effective_gap_m[row] -= less_m
+            free[3 * row] -= less_m
     return True
 
 
@@ -196,7 +198,7 @@ def _row_recovery_work_j(rows: ContactRows, row: int) -> float:
     """Return the work (J) of a row over the recovery of its overlap."""
     if not HAS_GAP[rows.law[row]]:
         return 0.0
-    return float(-max(rows.force_n[row, 0], 0.0) * min(rows.effective_gap_m[row], 0.0))
+    return float(-max(rows.force_n[row, 0], 0.0) * min(rows.effective_gap_m[row] - rows.correction_m[row], 0.0))
 
 
 @inlined_kernel

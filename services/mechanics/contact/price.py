@@ -51,8 +51,9 @@ from trocar.services.mechanics.contact.writer import n_free_rows
 
 #: Depth beyond which a piece has no reliable normal, as a fraction of its axis's distance from the wall in contact.
 UNRELIABLE_DEPTH = 0.5
-#: Fraction of the tolerance by which a tool that begins too deep in the catheter may end deeper.
-ALLOWED_GROWTH = 0.1
+#: Where a piece is deeper than so many tolerances, a row is corrected by whatever the step ends deeper than the row
+#: predicts, but for rounding (m): it would go on creeping. Elsewhere only if that is more than `IMPLIED_M`.
+MARGIN, ROUNDING_M = 2.0, 1e-7
 #: Distance within which violations share a row, as a fraction of the axis's distance from the wall in contact.
 VIOLATION_SPACING = 0.1
 #: Maximum number of rows that a pricing adds, the deepest first; the others are priced again.
@@ -85,7 +86,7 @@ def write_violations(
     for place in range(n):
         i = working.order[place]
         near = VIOLATION_SPACING * listed.thickness[found.piece[i]]
-        covering, corrected = _correct_rows(listed, found, working, state, i)
+        covering, corrected = _correct_rows(listed, found, working, state, (i, MARGIN * tolerance_m))
         n_corrected += corrected
         if working.n_chosen < most and not (has_chosen_near(found, working, i, near) or covering > 0):
             working.chosen[working.n_chosen] = i
@@ -136,14 +137,17 @@ def _find_violations(
 
 @inlined_kernel
 def _correct_rows(
-    listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, i: int
+    listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, violation: tuple[int, float]
 ) -> tuple[int, int]:
     """Return how many rows cover a violation, and how many of them have been corrected.
+
+    ``violation`` is (its index, the depth in m beyond which nothing may deepen).
 
     A row covers it that has the same points, on any triangle, and nearly the same normal. It is linear in the motion of
     the bodies: what the step ends deeper than the row predicts is added to its gap (second-order correction of
     constraints, Nocedal and Wright, "Numerical Optimization", 18.3).
     """
+    i, most_m = violation
     p, t, rows, motion = found.piece[i], found.triangle[i], state.rows, state.problem.motion
     identity = without_target(pair_identity(*owner_of(p), DUCT_TRIANGLE, t))
     normal = jaw_surface(state.geometry.tools, p, found.s[i], row(found.normal, i))[3]
@@ -155,7 +159,7 @@ def _correct_rows(
                 covering += 1
                 begun = rows.gap_m[at] + rows.rest_offset_m[at] + rows.correction_m[at]
                 deeper = found.gap_m[i] - (begun + motion[3 * at] - rows.effective_gap_m[at])
-                if deeper < -IMPLIED_M:
+                if deeper < -(IMPLIED_M if found.gap_m[i] >= -most_m else ROUNDING_M):
                     corrected += 1
                     rows.correction_m[at] += deeper
     return covering, corrected
@@ -193,9 +197,10 @@ def _write_violation(
 def write_capsule_violations(
     given: tuple[CandidateList, CapsuleMemory, ContactState, ContactPairs], start: FloatArray, tolerance_m: float
 ) -> int:
-    """Append pairs of tools with segments of the catheter that end too deep, and return their number.
+    """Append pairs of tools with segments of the catheter that end too deep, and correct rows at such places.
 
-    ``start`` (p, 2, 3) are the ends of the pieces at the start of the step. A pair keeps the side on which it began.
+    Return the number of both. ``start`` (p, 2, 3) are the ends of the pieces at the start of the step. A pair keeps the
+    side on which it began.
     """
     listed, memory, state, pairs = given
     tools, half_m, count = state.geometry.tools, state.geometry.wall.half_thickness, 0
@@ -212,29 +217,73 @@ def write_capsule_violations(
             is_again = t == 0.0 and j > 0 and memory.active[i, j - 1] == 1
             if is_again or distance - apart_m >= -tolerance_m:
                 continue
-            first, second = ends_of(start, i), ends_of(start, N_TOOL_PIECES + j)
-            if distance >= measure_pair(first, second, side)[2] - ALLOWED_GROWTH * tolerance_m:
+            covering, corrected = _correct_capsule_rows(
+                state, (i, j), (t, MARGIN * tolerance_m), normal, distance - apart_m
+            )
+            count += corrected
+            if covering > 0:
                 continue
+            first, second = ends_of(start, i), ends_of(start, N_TOOL_PIECES + j)
             away = vector_between(first, second, s, t)
             if dot(away, normal) < apart_m and dot(away, side) > 0.0:  # round a corner, see `_write_violation`
                 normal = unit(away)
-            if not _has_capsule_row(state.rows, i, j, t, normal):
-                count += 1
-                if count <= min(MAX_NEW_ROWS, n_free_rows(state.rows) - pairs.count):
-                    pair = (i // 3, i % 3, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
-                    write_pair(pairs, pair, distance - apart_m, normal)
+            count += 1
+            if pairs.count < min(MAX_NEW_ROWS, n_free_rows(state.rows)):
+                pair = (i // 3, i % 3, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
+                write_pair(pairs, pair, distance - apart_m, normal)
     return count
 
 
 @inlined_kernel
-def _has_capsule_row(rows: ContactRows, i: int, j: int, t: float, normal: Vector) -> bool:
-    """Return whether a row couples a piece of a tool with a segment of the catheter near this place and normal."""
+def _correct_capsule_rows(
+    state: ContactState, pair: tuple[int, int], place: tuple[float, float], normal: Vector, end_m: float
+) -> tuple[int, int]:
+    """Return how many rows couple a piece of a tool with a segment here, and how many have been corrected.
+
+    ``end_m`` is the gap at the end of the step, with the rest offset; what it is deeper than a row predicts is added to
+    the row's gap, as in `_correct_rows`. ``place`` is (place along the segment, as in its ``violation``).
+    """
+    (i, j), (t, most_m), covering, corrected = pair, place, 0, 0
+    rows, motion = state.rows, state.problem.motion
     identity = pair_identity(i // 3, i % 3, -1, CATHETER_SEGMENT, j)
     for at in range(rows.n_contacts):
         is_there = rows.identity[at] == identity and abs(rows.rod_weight[at, 3] + t) < SAME_POINT
         if is_there and dot(row_of(rows.frame, at, 0), normal) > SAME_NORMAL:
-            return True
-    return False
+            covering += 1
+            begun = rows.gap_m[at] + rows.rest_offset_m[at] + rows.correction_m[at]
+            deeper = end_m - (begun + motion[3 * at] - rows.effective_gap_m[at])
+            if deeper < -(IMPLIED_M if end_m >= -most_m else ROUNDING_M):
+                corrected += 1
+                rows.correction_m[at] += deeper
+    return covering, corrected
+
+
+@kernel
+def write_depths(
+    given: tuple[CandidateList, Found, CapsuleMemory, ContactState], start: Where, out: FloatArray
+) -> None:
+    """Write how deep each piece (p,) is in the wall, and after them each piece of a tool in the catheter, in m.
+
+    Candidates have been measured where the bodies are, in a step that began at ``start``. A depth has the side of the
+    start, and no part that jaws have squeezed away.
+    """
+    listed, candidates, memory, state = given
+    out[:] = 0.0
+    _find_violations(listed, candidates, state, start, 0.0)
+    found = candidates[1]
+    for i in range(found.count):
+        p = found.piece[i]
+        out[p] = max(out[p], -found.gap_m[i])
+    tools, half_m, first = state.geometry.tools, state.geometry.wall.half_thickness, listed.ends.shape[0]
+    for i in range(N_TOOL_PIECES):
+        is_held = i % 3 != SHAFT and tools.held[i // 3, CATHETER_SEGMENT]
+        rest_offset_m = tools.rest_offset[i // 3, CATHETER_SEGMENT] if is_held else 0.0
+        for j in range(memory.active.shape[1]):
+            if memory.active[i, j] == 1 and piece_can_touch(tools, i):
+                apart_m = listed.thickness[i] + listed.thickness[N_TOOL_PIECES + j] - 2.0 * half_m - rest_offset_m
+                pair = ends_of(listed.ends, i), ends_of(listed.ends, N_TOOL_PIECES + j)
+                distance = measure_pair(pair[0], pair[1], row_of(memory.normal, i, j))[2]
+                out[first + i] = max(out[first + i], apart_m - distance)
 
 
 @kernel

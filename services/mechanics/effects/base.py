@@ -88,6 +88,9 @@ class Effect:
         """Return how far particles at (n, 3) may move in a step without a contact that the effect would miss."""
         return math.inf
 
+    def take_back(self, world: World, share: float) -> None:
+        """Follow bodies that have been taken back to a share of their motion in this step, before `after_solve`."""
+
     def rest(self) -> None:
         """Begin to rest at a quality level without the effect; its stages are called until it `rests`."""
 

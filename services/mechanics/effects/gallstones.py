@@ -86,6 +86,7 @@ class Gallstones(Effect):
             drag=6.0 * math.pi * settings.bile_viscosity_pa_s * self.radius_m,
         )
         self.position_m, self.velocity_m_s = stones.position, stones.velocity
+        self._share = 1.0
 
     def prepare(self, world: World) -> None:
         """Register the stones with contact detection, and compute their weights."""
@@ -109,9 +110,16 @@ class Gallstones(Effect):
     def after_solve(self, world: World, dt_s: float) -> None:
         """Apply the contact forces."""
         system = world.system
-        self._dissipated_j += push_stones(
-            self._stones.address, (system.rows.address, self._first), system.force_n, dt_s
-        )
+        stones, share = self._stones, self._share
+        self._dissipated_j += push_stones(stones.address, (system.rows.address, self._first), system.force_n, dt_s)
+        if share < 1.0:
+            stones.position[:] = stones.start + share * (stones.position - stones.start)
+            stones.velocity[:] = stones.start_velocity + share * (stones.velocity - stones.start_velocity)
+            self._share = 1.0
+
+    def take_back(self, world: World, share: float) -> None:
+        """Let the stones move by the same share of their motion."""
+        self._share = share
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return positions and velocities of the stones."""

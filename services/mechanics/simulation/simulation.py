@@ -31,9 +31,11 @@ from trocar.services.mechanics.scene.argument_checks import ArgumentChecks
 from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from trocar.services.mechanics.simulation.healing import Healer
 from trocar.services.mechanics.simulation.inside_watch import InsideWatch
+from trocar.services.mechanics.simulation.motion_share import LOOKS, MotionShare
 from trocar.services.mechanics.simulation.scene_catheter import place_catheter
 from trocar.services.mechanics.simulation.scene_world import build_world
-from trocar.services.mechanics.simulation.step_solver import StepSolver
+from trocar.services.mechanics.simulation.sound_start import begin_sound
+from trocar.services.mechanics.simulation.step_solver import PRICING_PRODUCTS, StepSolver
 from trocar.services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
 from trocar.services.mechanics.simulation.step_start import StepStart
 
@@ -48,7 +50,7 @@ class Watcher(Protocol):
         """Observe the state at the start of a substep."""
 
     def end(self, dt_s: float) -> None:
-        """Observe the state after a substep of this length."""
+        """Observe the state after a substep of which so much time has happened."""
 
 
 class Simulation:
@@ -62,6 +64,8 @@ class Simulation:
 
     Attributes:
         is_felt: bool. Whether the report includes the local stiffness at each tool, which haptics needs.
+        share: float. How much of its solved motion the last part of a step has kept.
+        withheld_s: float. Simulated time since the start that did not happen, because no motion was sound.
         inside_watch: InsideWatch. Tells of a tool that is inside a body and has no contact: by a `ToolInsideWarning`.
     """
 
@@ -72,6 +76,7 @@ class Simulation:
         self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)
         self.duct, self.catheter, self.tools = self._moving = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
+        begin_sound(world)
         self.seal, self.squeeze = world.seal, world.squeeze
         self.grasps = tuple(
             Grasp(tool, each.jaws, duct.mesh, scene.catheter)
@@ -89,7 +94,8 @@ class Simulation:
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns, self._arguments = [0] * len(STAGE_NAMES), ArgumentChecks()
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
-        self.splitter, self._must_settle = StepSplitter(world), True
+        self.splitter, self.withheld_s, self.share = StepSplitter(world), 0.0, 1.0
+        self._owes_nothing = True  # whether effects owe no energy for the last part, see `Effect.is_settled`
         self.watcher: Watcher | None = None
         self.inside_watch = InsideWatch(N_TOOLS)
         for effect in stages["prepare"]:
@@ -98,6 +104,7 @@ class Simulation:
         self._start = StepStart(
             world, [*self.grasps, *(drive for drive in (self.drive, self.wire_drive) if drive is not None)]
         )
+        self._motion_share = MotionShare(world, self._start)
         self._healer = Healer(world, self._start)
         for name in scene.quality[0].without:
             self.effects[name].rest()
@@ -135,12 +142,13 @@ class Simulation:
             self._use_rung(self.quality_level)
 
     def compile_rare_kernels(self) -> None:
-        """Compile the kernels for many contacts, a fast wall, a catheter that falls asleep, grasps and energies.
+        """Compile the kernels for many contacts, fast walls, unsound ends, a catheter asleep, grasps and energies.
 
         Physics uses them. Haptics compiles them too, in the same order, so that physics finds them in the cache.
         """
         self.system.strategy.assemble(anew=True)  # as if blocks of the wall's compliance were missing
         self.splitter.compile_kernels()
+        self.search.depths_m(self.system, 1.0)
         for effect in self.world.effects:
             effect.potential_energy_j(self.world)
         for grasp in self.grasps:
@@ -150,30 +158,76 @@ class Simulation:
 
     def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
         """Advance by a step in substeps; return False as soon as one of them ends in an unsound state."""
-        self._must_settle, parts = True, self.splitter.parts(tools, dt_s)
+        parts = self.splitter.parts(tools, dt_s)
         return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
 
     def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Advance by a substep, again in halves if it is not accepted; return whether the state is sound.
+        """Advance by a substep; return whether the state is sound.
 
-        Once one of the shortest has failed, or the tick's budget is spent, contacts need not settle in the rest of the
-        step: halves mend motion, not a wall that is crushed until its contacts have no solution.
+        One that is not accepted is taken back to its largest sound share, and the rest of its time follows in parts of
+        its own; if less than half of it is sound, it is taken in halves, down to the shortest. Time that is left when
+        the tick's products are spent, or by one of the shortest, does not happen.
         """
+        if self.solver.is_spent:
+            self.withheld_s += dt_s
+            return True
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
         self._start.save()
-        is_accepted = self._move(tools, dt_s)
-        if not is_accepted and dt_s > SHORTEST_STEP_S and not self.solver.is_spent:
-            self._start.restore()
-            return all(self._take_part(tools, dt_s / 2) for _ in range(2))
-        self._must_settle &= is_accepted
-        if not (self._must_settle or self.system.rows.has_room):
-            self.system.rows.dropped += 1
-        self._correct(dt_s)
+        self.share = 1.0
+        if not self._move(tools, dt_s):
+            may_divide = dt_s > SHORTEST_STEP_S and not self.solver.is_spent
+            self.share = self._find_share(dt_s)
+            if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
+                self._start.restore()
+                return all(self._take_part(tools, dt_s / 2) for _ in range(2))
+            self._take_back()
+        share = self.share
+        if share > 0.0:
+            self._correct(dt_s)
         if self.watcher is not None:
-            self.watcher.end(dt_s)
-        return self._healer.watch()
+            self.watcher.end(share * dt_s)
+        return self._healer.watch() and (share == 1.0 or self._go_on(tools, dt_s, share))
+
+    def _find_share(self, dt_s: float) -> float:
+        """Return how much of the solved motion is sound, in whole eighths of a part or in the shortest parts.
+
+        Without prices nothing tells how deep bodies are at a share: all of it counts.
+        """
+        if not self.solver.prices:
+            return 1.0
+        share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share)
+        self.solver.products += LOOKS * PRICING_PRODUCTS
+        quantum = max(0.125, SHORTEST_STEP_S / dt_s)
+        return share if share == 1.0 or quantum >= 1.0 else quantum * math.floor(share / quantum)
+
+    def _take_back(self) -> None:
+        """Take the motion of a part back to its sound share; at none of it, everything rests where it was."""
+        share = self.share
+        if share == 0.0:
+            self._start.restore()
+            self.duct.halt()
+            self.catheter.state.halt()
+        elif share < 1.0:
+            self._motion_share.take(share)
+            for effect in self.effects.values():
+                effect.take_back(self.world, share)
+
+    def _go_on(self, tools: ToolInputs, dt_s: float, share: float) -> bool:
+        """Take the rest of a part of which a share has happened; one of the shortest has none."""
+        left_s = (1.0 - share) * dt_s
+        if share == 0.0 or dt_s < 2.0 * SHORTEST_STEP_S:
+            self.withheld_s += left_s
+            return True
+        part_s = dt_s
+        while left_s > 1e-6 * dt_s:
+            part_s *= 0.5
+            if left_s > (1.0 - 1e-6) * part_s:
+                left_s -= part_s
+                if not self._take_part(tools, part_s):
+                    return False
+        return True
 
     def _move(self, tools: ToolInputs, dt_s: float) -> bool:
         """Move everything by a substep; return whether it ends without overlap or debt, and none outran detection."""
@@ -198,10 +252,10 @@ class Simulation:
         marks[4] = perf_counter_ns()
         is_settled = self.solver.solve(dt_s)
         act(self._stages, "settle", self.world, dt_s)
-        is_settled &= all(effect.is_settled for effect in self._stages["settle"])
+        self._owes_nothing = all(effect.is_settled for effect in self._stages["settle"])
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
-        return (is_settled or not self._must_settle) and self.splitter.is_detected()
+        return self.splitter.is_detected() and is_settled and self._owes_nothing
 
     def _heal(self) -> None:
         """Restore the last sound state; no force acts on a tool in this tick."""

@@ -14,11 +14,12 @@ from trocar.services.mechanics.world import World
 
 #: Candidates are priced at most this often in a step; remaining violations become rows of the next step.
 MAX_PRICINGS = 8
-#: Block products (3 x 3) of the solves of a tick after which it takes what it has: some 0.2 s. With a sixth of it,
-#: catheters sank into walls by 0.5 to 1.1 mm where forceps cross.
-MOST_PRODUCTS = 60_000_000
-#: Sweeps that cost as much as assembling the rows: half a block product for each of 100 modes.
-ASSEMBLY_SWEEPS = 50
+#: Block products (3 x 3) that a tick may take before it keeps what is sound by then: some 20 ms.
+MOST_PRODUCTS = 4_000_000
+#: Products that cost as much as pricing all candidates once.
+PRICING_PRODUCTS = 60_000
+#: Sweeps that cost as much as assembling the rows from the compliances of nodes and particles, with 80 rows.
+ASSEMBLY_SWEEPS = 8
 
 
 class Pricing:
@@ -26,6 +27,7 @@ class Pricing:
 
     Attributes:
         new_rows: int. Number of rows added since the start.
+        is_off: bool. Whether nothing is priced: the contact model or the catheter's integrator is another.
     """
 
     def __init__(self, world: World) -> None:
@@ -34,22 +36,26 @@ class Pricing:
         self._ends = SavedArrays([*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()])
         self._touched = catheter.touched
         self._pairs = ContactPairs.zeros(capacity=world.scene.contact.capacity)
-        self._is_off = not world.system.strategy.keeps_delassus or catheter.plain_integrator is None
+        self.is_off = not world.system.strategy.keeps_delassus or catheter.plain_integrator is None
         self.new_rows = 0
 
     def save(self) -> None:
         """Save the bodies' state before forces are applied."""
-        if not self._is_off:
+        if not self.is_off:
             self._ends.save()
             self._touched = self._world.catheter.touched
 
     def finds_violations(self) -> bool:
         """Return whether a candidate without a row ends too deep."""
-        if self._is_off:
+        if self.is_off:
             return False
+        return self._search.price(self._world.system, self.tolerance_m, self._pairs) > 0
+
+    @property
+    def tolerance_m(self) -> float:
+        """Overlap (m) in which a candidate may end this step without a row."""
         longer = max(1.0, self._world.duct.dt_s / LONGEST_STEP_S)
-        tolerance_m = tolerated_overlap_m(self._world.scene.duct.thickness_m, longer)
-        return self._search.price(self._world.system, tolerance_m, self._pairs) > 0
+        return tolerated_overlap_m(self._world.scene.duct.thickness_m, longer)
 
     def return_with_new_rows(self) -> bool:
         """Restore the bodies' state from before forces were applied, append rows for violations that have none.
@@ -66,7 +72,7 @@ class Pricing:
 
     def compile_kernels(self) -> None:
         """Compile the kernels of a pricing now: the first candidate may appear only after the loop has started."""
-        if not self._is_off:
+        if not self.is_off:
             self._ends.save()
             self.finds_violations()
             self.return_with_new_rows()
@@ -95,6 +101,11 @@ class StepSolver:
         """Whether the solves of this tick have taken all the products that they may take."""
         return self.products >= MOST_PRODUCTS
 
+    @property
+    def prices(self) -> bool:
+        """Whether candidates are priced at the end of a step."""
+        return not self.pricing.is_off
+
     def use(self, stages: Mapping[str, tuple[Effect, ...]], iterations: int) -> None:
         """Solve with these effects, by stage, in at most ``iterations`` sweeps."""
         self._stages, self._iterations = stages, iterations
@@ -115,6 +126,7 @@ class StepSolver:
             system.clear_forces()
         self._apply()
         for _ in range(MAX_PRICINGS):
+            self.products += PRICING_PRODUCTS
             if not pricing.finds_violations():
                 return True
             if self.is_spent or not system.rows.has_room:  # without room the step is repeated in halves

@@ -32,6 +32,9 @@ class StepSplitter:
     A catheter may move by `LOOK_AHEAD_M` in a step, but only by `SLOW_M` if not all of its contacts are priced (it is
     near itself, or the strategy is another), or if it has a guide wire. For steps above a millisecond limits are lower
     in proportion, because speeds change within a step.
+
+    Attributes:
+        detected_share: float. How much of the last solved motion is within these limits, at most 1.
     """
 
     def __init__(self, world: World) -> None:
@@ -44,6 +47,7 @@ class StepSplitter:
         # A rod whose rest length grows gains energy in fast motions.
         self._may_move_far = is_priced and catheter.wire is None
         self._shares_per_s = 0.0  # motion in the last substep, in units of the allowed one
+        self.detected_share = 1.0
 
     def compile_kernels(self) -> None:
         """Compile the kernels that only a fast catheter needs."""
@@ -76,7 +80,8 @@ class StepSplitter:
         if longer * catheter_m > SLOW_M:
             share = max(share, catheter_m / self._most_motion_m())
         self._shares_per_s = share / duct.dt_s
-        return bool(longer * share <= 1.0)
+        self.detected_share = 1.0 / max(longer * share, 1.0)
+        return self.detected_share == 1.0
 
     def _most_motion_m(self) -> float:
         """Return how far (m) a catheter that moves by more than `SLOW_M` may move without missing a contact."""

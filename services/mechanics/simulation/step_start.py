@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from trocar.services.mechanics.arrays import AnyArray
 from trocar.services.mechanics.compiled.memory import SavedArrays
 from trocar.services.mechanics.world import World
 
@@ -32,6 +33,10 @@ class StepStart:
         self._arrays = SavedArrays(live)
         self._parts: list[RestartablePart] = [world.catheter, world.system, world.holds, *tools]
         self._search = world.search
+
+    def saved(self, array: AnyArray) -> AnyArray:
+        """Return the copy of a live array at the start of the step."""
+        return self._arrays.saved(array)
 
     def save(self) -> None:
         """Save the state at the start of the next step."""

@@ -220,8 +220,11 @@ def test_a_row_that_was_too_deep_ends_no_deeper_than_it_began(small_scene, ducts
     assert judge.deepening < 0.5
 
 
-def test_a_tick_whose_solves_have_taken_their_budget_takes_what_it_has(small_scene, ducts, monkeypatch):
-    """Parts, prices and linearisations multiply: where forceps crossed, a tick took 200 solves and 2.9 s."""
+def test_a_tick_whose_solves_have_taken_their_budget_keeps_what_is_sound(small_scene, ducts, monkeypatch):
+    """Parts, prices and linearisations multiply: where forceps crossed, a tick took 200 solves and 2.9 s.
+
+    Here all of the motion is sound, so nothing is taken again.
+    """
     simulation, tools, solves = Simulation(small_scene, ducts(1e-3)), ToolInputs(), []
     for tick in range(40):
         tools.position_m[:] = (20e-3, 0.0, 21.5e-3 - 0.1e-3 * tick), (30e-3, 3e-3, 21.5e-3 - 0.1e-3 * tick)
@@ -231,7 +234,7 @@ def test_a_tick_whose_solves_have_taken_their_budget_takes_what_it_has(small_sce
     solve = system.solve
     monkeypatch.setattr(system, "solve", lambda *effort: solves.append(solve(*effort)))
     monkeypatch.setattr(solver.pricing, "finds_violations", lambda: True)  # no price ever ends
-    for budget, fewest, most in ((10**12, 50, 600), (1, 1, 2), (10 * solver.products, 5, 12)):
+    for budget, fewest, most in ((10**12, 9, 9), (1, 1, 1), (10 * solver.products, 3, 9)):
         monkeypatch.setattr(step_solver, "MOST_PRODUCTS", budget)
         solves.clear()
         simulation.step(tools)
