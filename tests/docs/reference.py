@@ -274,9 +274,9 @@ def cystic_duct() -> str:
         "- `take_off_rad` is the angle between the cystic duct and the part of the common duct towards the liver.",
         "- `folds` are turns of one fold that winds round the half towards the gallbladder (pars spiralis, from 5",
         "  mm behind the mouth on), the rest is smooth (pars glabra). The fold is thrown into the wall itself: it",
-        "  is meshed with the wall's elements, touches and gives as the wall does, and the duct stretches along as",
-        "  a bellows. `fold_height` is its share of the lumen's radius. By default four edges of the mesh go from one",
-        "  turn to the next.",
+        "  is meshed with the wall's elements, touches as the wall does, and bends with it. How stiff it is, and what",
+        "  force it puts in a catheter's way, has not been compared with tissue. `fold_height` is its share of the",
+        "  lumen's radius. By default four edges of the mesh go from one turn to the next.",
         "",
     ]
     return "\n".join(lines)
