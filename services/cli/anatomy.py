@@ -48,11 +48,14 @@ def run_anatomy(
         mouth=mouth, held=held, names=names,
     )  # fmt: skip
     console = Console(highlight=False, stderr=True)
+    is_new = _take_folder(file, folder)
     try:
         made = make_anatomy(file, request, lambda step: console.print(f"{step} ..."))
-    except ModuleNotFoundError as error:
-        raise MissingPackageError(f"{file}", error.name) from None
-    except MeshError as error:
+    except (ModuleNotFoundError, MeshError) as error:
+        if is_new:
+            folder.rmdir()
+        if isinstance(error, ModuleNotFoundError):
+            raise MissingPackageError(f"{file}", error.name) from None
         raise ConfigError(str(error)) from None
     _write(made, folder)
     if as_json:
@@ -61,6 +64,18 @@ def run_anatomy(
         _tell(made, folder)
     if edit:
         _edit(made, folder, port)
+
+
+def _take_folder(file: Path, folder: Path) -> bool:
+    """Make the folder before the minute of work that fills it; return whether it was not there.
+
+    Raises ConfigError if there is no such file, OSError if the folder cannot be made.
+    """
+    if not file.is_file():
+        raise ConfigError(f"{file}: there is no such file")
+    is_new = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    return is_new
 
 
 def _write(made: MadeAnatomy, folder: Path) -> None:

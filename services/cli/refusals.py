@@ -33,7 +33,7 @@ def run(app: typer.Typer) -> None:
     except typer.TyperException as error:
         _leave(usage_sentence(error), error.exit_code)
     except (typer.Abort, KeyboardInterrupt):
-        sys.exit(ExitCode.INTERRUPTED)
+        interrupts.end()
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == "trocar":
             raise
@@ -45,6 +45,8 @@ def run(app: typer.Typer) -> None:
     except OSError as error:
         _refuse_for_system(error)
     else:
+        if ended == ExitCode.INTERRUPTED:
+            interrupts.end()
         if isinstance(ended, int) and ended:  # of `typer.Exit`
             sys.exit(ended)
 

@@ -7,12 +7,15 @@ is somebody to catch it. The module imports little, because it is what comes fir
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
 
 #: `ExitCode.INTERRUPTED`.
 _CODE = 130
+#: Filled where a command has ended by Ctrl-C.
+_interrupted: list[bool] = []
 
 
 def begin() -> None:
@@ -22,6 +25,17 @@ def begin() -> None:
     """
     if _is_ours(sys.orig_argv) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
+        atexit.register(_keep_code)  # as the first one, so that it is called last
+
+
+def end() -> None:
+    """End a command that Ctrl-C has interrupted.
+
+    Python remembers an interruption that has passed through `exec` of a text, as imports of scipy do, and then ends by
+    the signal, whatever code it is given: so the code is kept until all else is done.
+    """
+    _interrupted.append(True)
+    sys.exit(_CODE)
 
 
 class Raised:
@@ -35,6 +49,13 @@ class Raised:
     def __exit__(self, *_: object) -> None:
         if self._is_turned:
             signal.signal(signal.SIGINT, _leave)
+
+
+def _keep_code() -> None:
+    if _interrupted:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(_CODE)
 
 
 def _leave(_number: int, _frame: object) -> None:

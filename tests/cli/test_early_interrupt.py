@@ -35,8 +35,9 @@ class Press:
 sys.meta_path.insert(0, Press())
 """
 _VERBS = [
-    "up --seconds 1", "down", "diagnose top --once", "latency", "doctor", "diagnose sniff", "arm", "safe-stop",
-    "keys made", "replay nothing.mcap", "repair nothing.mcap", "scenes", "tissues", "scenarios", "attempt status",
+    "up --seconds 1", "down", "diagnose top --once", "diagnose latency", "doctor", "diagnose sniff", "arm", "safe-stop",
+    "keys made", "replay nothing.mcap", "repair nothing.mcap", "scenes", "tissues", "catheters", "scenarios", "attempt status",
+    "anatomy nothing.nrrd",
     "config show", "config schema", "score nothing.mcap", "--help", "--version",
 ]  # fmt: skip
 
@@ -78,10 +79,16 @@ def test_the_first_second_of_up_ends_with_the_code_for_it(folder: Path, at: int)
     assert _pressed(folder, ["-m", "trocar.services.cli.app", "up", "--seconds", "1"], at) == (130, "")
 
 
+@pytest.mark.parametrize("at", [413, 450, 500])
+def test_an_interruption_within_an_import_that_executes_a_text_has_the_code_for_it(folder: Path, at: int) -> None:
+    """Python would end by the signal: scipy's imports call `exec`."""
+    assert _pressed(folder, ["-m", "trocar.services.cli.app", "score", "nothing.mcap"], at) == (130, "")
+
+
 @pytest.mark.parametrize(
     "module", ["supervisor", "gateway", "visualization.render_worker", "supervisor.crew.fork_server"]
 )
-@pytest.mark.parametrize("at", [3, 60])
+@pytest.mark.parametrize("at", [3, 40])
 def test_the_processes_of_a_rig_end_as_quietly(folder: Path, module: str, at: int) -> None:
     assert _pressed(folder, ["-m", f"trocar.services.{module}", "0"], at) == (130, "")
 
