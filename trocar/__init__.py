@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from trocar.front import ContactRows as ContactRows
     from trocar.front import ContactSettings as ContactSettings
     from trocar.front import ContactSystem as ContactSystem
+    from trocar.front import CysticDuctScene as CysticDuctScene
     from trocar.front import DrawnPart as DrawnPart
     from trocar.front import DroppedContacts as DroppedContacts
     from trocar.front import DuctBody as DuctBody
@@ -69,6 +70,7 @@ __all__ = [
     "ContactRows",
     "ContactSettings",
     "ContactSystem",
+    "CysticDuctScene",
     "DrawnPart",
     "DroppedContacts",
     "DuctBody",

@@ -31,6 +31,7 @@ from trocar.services.mechanics.scene import (
 )
 from trocar.services.mechanics.scene import SceneModel as Scene
 from trocar.services.mechanics.scene.catheter_section import CatheterSection
+from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
 from trocar.services.mechanics.scene.guide_wire import GuideWireScene
 from trocar.services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
@@ -98,6 +99,7 @@ NAMED_ONLY = frozenset(
         "DrawnPart",
         "DroppedContacts",
         "DuctBody",
+        "CysticDuctScene",
         "DuctBranch",
         "GuideWireScene",
         "HoldRegistry",
@@ -124,6 +126,7 @@ __all__ = [
     "ContactRows",
     "ContactSettings",
     "ContactSystem",
+    "CysticDuctScene",
     "DrawnPart",
     "DroppedContacts",
     "DuctBody",

@@ -21,6 +21,7 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.duct_alone import DuctAlone
+from trocar.services.mechanics.snapshot import Snapshot
 from trocar.services.physics.inputs import ContactsReader
 from trocar.services.physics.outputs import Outputs
 from trocar.services.physics.stand_in import stand_in_duct, stand_in_scene
@@ -71,6 +72,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct, say: Say = ignore) -> None:
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m
+        Snapshot(simulation, (scene, duct)).restore()  # as when the hands begin again
 
 
 def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:

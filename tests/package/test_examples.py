@@ -46,6 +46,7 @@ def test_these_are_the_examples() -> None:
     assert EXAMPLES == [
         "accuracy_against_time",
         "clone_an_expert",
+        "demonstration_set",
         "insert_and_watch",
         "own_effect",
         "poke",

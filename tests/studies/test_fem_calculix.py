@@ -12,7 +12,7 @@ from tests.foreign_files.whole_files import TUBE, gmsh22
 from tests.studies.fem_files import changed, clamped, run, write
 from trocar.services.mechanics.surface.mesh import triangle_area_vectors
 from trocar.services.meshes.reading import read_surface
-from trocar.services.runtime import config
+from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 from trocar.studies.commands.fem import fem_command
 from trocar.studies.fem import calculix

@@ -111,7 +111,7 @@ def test_vtk_opens_the_output(plate_file, tmp_path):
     result = run(plate_file, tmp_path)
     grid = pyvista.read(tmp_path / "out.vtu")
     assert grid["displacement_m"] == pytest.approx(np.array(result["static"]["displacement_m"]))
-    modes = [name for name in grid.point_data if name.startswith("mode ")]
+    modes = [name for name in grid.point_data if name.startswith("mode_")]
     assert len(modes) == 3
     assert np.linalg.norm(grid[modes[0]], axis=1).max() == pytest.approx(1.0)
     assert set(grid.cell_data) == {"thickness_m", "youngs_modulus_pa"}

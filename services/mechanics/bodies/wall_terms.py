@@ -26,6 +26,7 @@ from trocar.services.mechanics.reduction.wall_step.implicit_step import (
     TANK,
     WallStep,
     acting_share,
+    energy_and_loss,
     held_force,
     pushes,
     relax_wall,
@@ -145,6 +146,13 @@ class WallTerms:
         lagging = duct.state.q, self._no_lag if duct.viscous is None else duct.viscous.d
         addresses = softened.address, self.step.address
         return float(change_pattern(*addresses, loads, duct.contact_impulse, lagging, dt_s))
+
+    def compile_rare_kernels(self) -> None:
+        """Compile the kernels of a step that is corrected, and of terms that fade; no step may follow."""
+        address, q = self.step.address, self._duct.state.q
+        held_force(address, q, q, self._held.copy())
+        energy_and_loss(address, self._held, q, q)
+        replace_terms(address, q)
 
     @property
     def is_settled(self) -> bool:

@@ -109,11 +109,11 @@ def append_films(
         for particle in range(segment, segment + 2):
             if on_wall == first or pair[particle] != index:
                 continue
-            film = append_copy(rows, on_wall, _FILM)
-            if film != NO_ROOM:
-                source[film - first] = on_wall
-                put_on_rod(rows, film, FIRST_SIDE, (particle, particle), (1.0, 0.0))
-                put_row(rows.slip_m, film, row(rod.motion, particle))
+            added = append_copy(rows, on_wall, _FILM)
+            if added != NO_ROOM:
+                source[added - first] = on_wall
+                put_on_rod(rows, added, FIRST_SIDE, (particle, particle), (1.0, 0.0))
+                put_row(rows.slip_m, added, row(rod.motion, particle))
         on_wall = min(on_wall + 1, first)
 
 

@@ -142,7 +142,7 @@ class Simulation:
             self._use_rung(self.quality_level)
 
     def compile_rare_kernels(self) -> None:
-        """Compile the kernels for many contacts, fast walls, unsound ends, a catheter asleep, grasps and energies.
+        """Compile the kernels for many contacts, fast walls, unsound ends, sleep, grasps, energies and terms.
 
         Physics uses them. Haptics compiles them too, in the same order, so that physics finds them in the cache.
         """
@@ -151,6 +151,8 @@ class Simulation:
         self.search.depths_m(self.system, 1.0)
         for effect in self.world.effects:
             effect.potential_energy_j(self.world)
+        if self.duct.terms is not None:
+            self.duct.terms.compile_rare_kernels()
         for grasp in self.grasps:
             grasp.compile_kernels(self.world.pairs)
         state = self.catheter.state

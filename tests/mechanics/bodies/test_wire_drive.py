@@ -167,8 +167,12 @@ def test_a_step_that_is_taken_again_begins_with_the_wire_where_it_was(wired, mon
         before.append(simulation.wire_drive.motion == start[0])
         before.extend(bool((now == then).all()) for now, then in zip(arrays, start[1], strict=True))
 
+    def is_detected_or_new():
+        simulation.splitter.detected_share = 0.25  # less than half: the step is taken again, in halves
+        return bool(before) and is_detected()
+
     monkeypatch.setattr(simulation._start, "restore", restore)
-    monkeypatch.setattr(simulation.splitter, "is_detected", lambda: bool(before) and is_detected())
+    monkeypatch.setattr(simulation.splitter, "is_detected", is_detected_or_new)
     simulation.step(inputs)
     assert before == [True] * (1 + len(arrays))
 

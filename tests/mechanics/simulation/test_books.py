@@ -116,7 +116,12 @@ STONE = {"position_m": [[20e-3, 0.0, 0.0]], "radius_m": [1.5e-3], "density_kg_m3
         ("gravity", {"gravity": {}}, throw, 1e-3),
         ("gallstones", {"gallstones": STONE, "gravity": {"acceleration_m_s2": [0.0, 0.0, -4.0]}}, throw, 1e-3),
         ("viscoelasticity", {"viscoelasticity": {}}, let_go(0, 1e-3), 0.05),
-        ("nonlinear_membrane", {"nonlinear_membrane": {"n_coordinates": 6}}, let_go(1, 8e-3), 0.01),
+        (
+            "nonlinear_membrane",  # alone its steps lose no more than Newton's method leaves
+            {"nonlinear_membrane": {"n_coordinates": 6}, "viscoelasticity": {}},
+            let_go(1, 8e-3),
+            0.01,
+        ),
     ],
 )
 def test_the_books_do_not_balance_without_what_an_effect_says(
@@ -134,6 +139,6 @@ def test_the_books_do_not_balance_without_what_an_effect_says(
         book.step(tools)
         stored_j.append(effect.potential_energy_j(simulation.world))
         imbalance_j.append(abs(book.flow.imbalance_j))
-    told_j = [told for told in (np.ptp(stored_j), effect.dissipated_j) if told != 0.0]
+    told_j = [abs(told) for told in (np.ptp(stored_j), effect.dissipated_j) if told != 0.0]
     assert min(told_j) > 1e-9
     assert max(imbalance_j) < tolerance * min(told_j)

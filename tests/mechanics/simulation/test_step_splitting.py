@@ -6,6 +6,7 @@ import pytest
 from trocar.services.mechanics.collision.candidate_list import LOOK_AHEAD_M
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation.step_solver import MAX_PRICINGS, PRICING_PRODUCTS
 from trocar.services.mechanics.simulation.step_splitting import SLOW_M
 
 BIT_M = 1e-6
@@ -48,11 +49,25 @@ def test_a_step_begins_in_as_many_parts_as_the_speed_of_the_last_one_calls_for(s
     assert splitter.parts(ToolInputs(), 1e-3) == parts
 
 
-def test_contacts_without_a_solution_cost_a_bounded_number_of_tries(small_scene, small_duct, monkeypatch):
-    """Two ticks: a wall crushed by a shaft once took 63 tries of a millisecond each, and an episode five minutes."""
+@pytest.mark.parametrize(("sound_share", "tries", "withheld_s"), [(1.0, 1, 0.0), (0.0, 6, 1e-3)])
+def test_contacts_without_a_solution_cost_a_bounded_number_of_tries(
+    small_scene, small_duct, monkeypatch, sound_share, tries, withheld_s
+):
+    """Two ticks: a wall crushed by a shaft once took 63 tries of a millisecond each, and an episode five minutes.
+
+    What ends sound is accepted though its prices are not settled; where nothing is, the tick's products are soon spent.
+    """
     simulation, tried_s = Simulation(small_scene, small_duct), []
-    monkeypatch.setattr(simulation.solver, "solve", lambda dt_s: bool(tried_s.append(dt_s)))
-    for _ in range(2):
+
+    def solve(dt_s):
+        tried_s.append(dt_s)
+        simulation.solver.products += MAX_PRICINGS * PRICING_PRODUCTS
+        return False
+
+    monkeypatch.setattr(simulation.solver, "solve", solve)
+    monkeypatch.setattr(simulation._motion_share, "find", lambda *_: sound_share)
+    for tick in range(1, 3):
         tried_s.clear()
         simulation.step(ToolInputs())
-        assert 1e3 * np.array(tried_s) == pytest.approx([0.5**k for k in (*range(6), *range(5, 0, -1))])
+        assert 1e3 * np.array(tried_s) == pytest.approx([0.5**k for k in range(tries)])
+        assert simulation.withheld_s == pytest.approx(tick * withheld_s)

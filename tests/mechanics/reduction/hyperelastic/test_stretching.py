@@ -93,7 +93,7 @@ class Stepped:
         self.integrator.predict(held, np.ones(r), dt_s)
         self.position_gain, self.gains = dt_s * kicked.q, [held.q, held.qdot, held.qddot]
         self.held_gain = self.gains[0]
-        self.wall, self.force, self.contact_impulse = WallStep.of(r, samples), np.zeros(r), np.zeros(r)
+        self.wall, self.force, self.contact_impulse = WallStep.of(self.omega**2, samples), np.zeros(r), np.zeros(r)
         self.wall.take_gain(self.held_gain)
 
     def step(self, load, expected=0.0, blow=0.0):
@@ -107,7 +107,7 @@ class Stepped:
         state.qdot += blow
         self.force[:] = force
         self.integrator.predict(state, load + force, self.dt_s)
-        settle_step(self.wall, self.force, self, self.free_m)
+        settle_step(self.wall, self.force, self, lambda: self.free_m)
 
     def furthest_m(self, change):
         return float(np.linalg.norm(self.basis.displacements(change), axis=1).max())

@@ -294,7 +294,8 @@ def largest_of_cubic(force, basis, n_coordinates):
 def free_vibration(force, basis, q, dt_s, duration_s):
     """Energies after each step, and where it ends."""
     n_modes, none = basis.n_modes, np.zeros(basis.n_modes)
-    wall, linear_step = WallStep.of(n_modes, polynomial=force), ExactOscillator(basis.omega_rad_s, none)
+    omega = basis.omega_rad_s
+    wall, linear_step = WallStep.of(omega**2, polynomial=force), ExactOscillator(omega, none)
     wall.take_gain(linear_step.gains(dt_s).position)
     state, held, energies = ModalState(q.copy(), np.zeros(n_modes), np.zeros(n_modes)), np.zeros(n_modes), []
     for _ in range(round(duration_s / dt_s)):
@@ -302,7 +303,7 @@ def free_vibration(force, basis, q, dt_s, duration_s):
         linear_step.predict(ahead, none, dt_s)
         held_force(wall.address, state.q, ahead.q, held)
         linear_step.predict(state, held, dt_s)
-        strain = state.strain_energy_j(basis.omega_rad_s) + force.energy_j(state.q)
+        strain = state.strain_energy_j(omega) + force.energy_j(state.q)
         energies.append(state.kinetic_energy_j() + strain)
     return np.array(energies), state.q
 

@@ -22,8 +22,8 @@ def frames(tick: int) -> list[Frame]:
 def test_a_moment_is_told_once_all_of_it_has_come() -> None:
     moments = Moments()
     gateway, haptics, physics = frames(EVERY_TICKS)
-    assert list(moments.take([physics, gateway])) == []
-    (found,) = moments.take([haptics])
+    assert list(moments.take_frames([physics, gateway])) == []
+    (found,) = moments.take_frames([haptics])
     assert tuple(found) == STATES
     assert {frame.body.tick for frame in found.values()} == {EVERY_TICKS}
     assert [frame.topic for frame in found.values()] == list(STATES)
@@ -34,16 +34,16 @@ def test_every_moment_comes_whatever_the_order() -> None:
     ticks = [EVERY_TICKS * k for k in range(60)]
     mixed = [frame for tick in ticks for frame in frames(tick)]
     chance.shuffle(mixed)
-    found = [moment for frame in mixed for moment in moments.take([frame])]
+    found = [moment for frame in mixed for moment in moments.take_frames([frame])]
     assert sorted(moment["physics.state"].body.tick for moment in found) == ticks
 
 
 def test_what_never_comes_is_forgotten() -> None:
     moments = Moments()
     for k in range(1000):
-        assert list(moments.take(frames(EVERY_TICKS * k)[:2])) == []
+        assert list(moments.take_frames(frames(EVERY_TICKS * k)[:2])) == []
     assert len(moments._open) < 200
-    assert len(list(moments.take(frames(EVERY_TICKS * 2000)))) == 1
+    assert len(list(moments.take_frames(frames(EVERY_TICKS * 2000)))) == 1
 
 
 def test_other_topics_stay_as_they_are() -> None:
