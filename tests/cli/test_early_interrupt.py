@@ -37,7 +37,8 @@ sys.meta_path.insert(0, Press())
 _VERBS = [
     "up --seconds 1", "down", "diagnose top --once", "diagnose latency", "doctor", "diagnose sniff", "arm", "safe-stop",
     "keys made", "replay nothing.mcap", "repair nothing.mcap", "scenes", "tissues", "catheters", "scenarios",
-    "attempt status", "anatomy nothing.nrrd", "config show", "config schema", "score nothing.mcap", "--help", "--version",
+    "attempt status", "anatomy nothing.nrrd", "config show", "config schema", "score nothing.mcap",
+    "--help", "--version",
 ]  # fmt: skip
 
 
