@@ -65,7 +65,8 @@ class WallTerms:
         self._held, self._held_lagging = np.zeros((2, n_modes))
         self._scratch, self._acts = np.zeros((2, n_modes)), False
         self._no_lag, self._stiffness = np.zeros((0, n_modes)), duct.reduced.basis.omega_rad_s**2
-        self._dt_s, self._stage, self._decay = 0.0, _END, (0.0, np.zeros(0))
+        self._stage, self._decay = _END, (0.0, np.zeros(0))
+        self._gain_dt_s = np.zeros(1)  # of the step whose gain is in the terms' rows: it goes back with them
         self._to_fade, self._is_fading = {"membrane": 0.0, "pattern": 0.0}, False
         self.is_kept, self.lost_j = False, 0.0
 
@@ -89,9 +90,9 @@ class WallTerms:
     def hold(self, dt_s: float) -> None:
         """Hold the mean force of the step that begins: call it when all other loads on the modes are there."""
         duct, step = self._duct, self.step
-        if dt_s != self._dt_s:
+        if dt_s != self._gain_dt_s[0]:
             step.take_gain(duct.held_gain)
-            self._dt_s = dt_s
+            self._gain_dt_s[0] = dt_s
         if self._enters(_HOLD):
             self._acts = hold_terms(
                 step.address, duct.loads_address, duct.free_end_parts, (self._held_lagging, self._held), self._scratch
@@ -183,7 +184,7 @@ class WallTerms:
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
         of_forces = () if self.softened is None else self.softened.state_arrays()
-        return self._held, self._held_lagging, *self.step.state_arrays(), *of_forces
+        return self._held, self._held_lagging, self._gain_dt_s, *self.step.state_arrays(), *of_forces
 
 
 def terms_of(duct: DuctBody) -> WallTerms:
