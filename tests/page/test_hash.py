@@ -28,6 +28,7 @@ globalThis.fetch = (path, options) => {
   if (options?.headers) sent.push([path, options.headers["X-Trocar-Token"]]);
   return Promise.resolve({ ok: true });
 };
+trocar.view.last = {inserted_mm: 0, tick: 0, poses: [], forces: new Float32Array(0)};
 trocar.hands.offer("ws://127.0.0.1:9/ws", ["left"]);
 """
 
