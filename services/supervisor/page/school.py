@@ -10,6 +10,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from importlib.util import find_spec
 from pathlib import Path
+from urllib.parse import quote
 
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
@@ -92,13 +93,20 @@ def _is_installed() -> bool:
 
 
 async def pass_on(request: Request, path: Path, role: str) -> Response:
-    """Return the school's answer to a request of a trainee or an instructor."""
+    """Return the school's answer to a request of a trainee or an instructor.
+
+    The role is a header that only this process writes. So the path, which the server has decoded, is encoded again, and
+    the length of a body must be told: the end of a line in the one, or the other, could else be taken for a request of
+    its own, with any role.
+    """
+    if "transfer-encoding" in request.headers:
+        return JSONResponse({"error": "the length of the request must be told"}, 411)
     try:
         reader, writer = await asyncio.open_unix_connection(str(path), limit=_HEAD_BYTES)
     except OSError:
         return JSONResponse({"error": "the school does not answer: it starts, or is not installed"}, 503)
     try:
-        target = "/" + request.path_params["path"] + (f"?{request.url.query}" if request.url.query else "")
+        target = "/" + quote(request.path_params["path"]) + (f"?{request.url.query}" if request.url.query else "")
         length = int(request.headers.get("content-length") or 0)
         head = f"{request.method} {target} HTTP/1.1\r\nhost: school\r\nconnection: close\r\n"
         writer.write(f"{head}x-trocar-role: {role}\r\ncontent-length: {length}\r\n\r\n".encode("latin-1"))

@@ -1,0 +1,63 @@
+"""The way to the school's process: whatever a page asks for stays one request, with the role that its token gives."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import httpx
+import pytest
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from trocar.services.supervisor.page.school import pass_on
+
+
+async def _arrived(tmp_path: Path, path: str, body: bytes | AsyncIterator[bytes] | None) -> tuple[int, list[bytes]]:
+    """Return the status of a trainee's request, and what reached the school's socket."""
+    seen: list[bytes] = []
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        seen.append(await reader.readuntil(b"\r\n\r\n"))
+        writer.write(b"HTTP/1.1 200 OK\r\ncontent-type: application/json\r\n\r\n{}")
+        writer.close()
+
+    async def handle(request: Request) -> Response:
+        return await pass_on(request, tmp_path / "sock", "trainee")
+
+    app = Starlette(routes=[Route("/school/{path:path}", handle, methods=["GET", "POST"])])
+    async with (
+        await asyncio.start_unix_server(answer, str(tmp_path / "sock")),
+        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://rig") as client,
+    ):
+        said = await client.request("GET" if body is None else "POST", f"/school/{path}", content=body)
+    return said.status_code, seen
+
+
+@pytest.mark.parametrize("end", ["%0d", "%0d%0a"])
+def test_no_path_ends_the_line_that_it_is_in(tmp_path: Path, end: str) -> None:
+    path = f"x%20HTTP/1.1{end}x-trocar-role:%20instructor{end}{end}"
+    status, heads = asyncio.run(_arrived(tmp_path, path, None))
+    assert (status, len(heads)) in ((200, 1), (404, 0))
+    for head in heads:
+        assert len(head.split(b"\r\n")[0].split()) == 3
+        assert b"\r" not in head.replace(b"\r\n", b"")
+
+
+@pytest.mark.parametrize("body", [b"", b"{}"])
+def test_a_body_of_known_length_is_passed_on(tmp_path: Path, body: bytes) -> None:
+    status, (head,) = asyncio.run(_arrived(tmp_path, "enter", body))
+    assert (status, f"content-length: {len(body)}".encode() in head) == (200, True)
+
+
+def test_a_body_of_unknown_length_is_refused(tmp_path: Path) -> None:
+    async def parts() -> tuple[int, list[bytes]]:
+        async def body() -> AsyncIterator[bytes]:
+            yield b"POST /erase HTTP/1.1\r\nx-trocar-role: instructor\r\n\r\n"
+
+        return await _arrived(tmp_path, "enter", body())
+
+    assert asyncio.run(parts()) == (411, [])
