@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import secrets
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -13,13 +15,13 @@ from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Mount, Route
-from starlette.types import Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from trocar.review.classroom.desk import Act, Desk, live_picture
 from trocar.review.classroom.roll import ClassRig, load_roll
 from trocar.review.classroom.scores import Scores
 from trocar.review.classroom.watch import Watch
-from trocar.review.school.app import ROLE
+from trocar.review.school.app import ROLE, Handler
 from trocar.review.school.app import build_app as build_school
 from trocar.review.school.bench import Bench
 from trocar.review.school.courses import course_names
@@ -107,46 +109,27 @@ def build_app(classroom: Classroom) -> Starlette:
     """Return the web application."""
     html = _PAGE.read_text(encoding="utf-8")
 
-    def is_refused(request: Request) -> bool:
-        given = request.headers.get("X-Trocar-Token", "")
-        return not secrets.compare_digest(given.encode(), classroom.roll.token.encode())
-
     async def page(_request: Request) -> Response:
         return HTMLResponse(html)
 
-    async def state(request: Request) -> Response:
-        if is_refused(request):
-            return JSONResponse({"error": "the token of the class is needed"}, 403)
+    async def state(_request: Request) -> Response:
         classroom.look()
         return Response(classroom.told(), media_type="application/json")
 
-    async def picture(request: Request) -> Response:
-        if is_refused(request):
-            return JSONResponse({"error": "the token of the class is needed"}, 403)
-        watch = classroom.watch(request.path_params["name"])
-        if watch is None:
-            return JSONResponse({"error": "there is no such rig"}, 404)
-        try:
-            image = await run_in_threadpool(watch.picture)
-        except UserError as error:
-            return JSONResponse({"error": str(error)}, 503)
-        return Response(image, media_type="image/png")
+    def picture_of(take: Callable[[Watch], bytes], kind: str) -> Handler:
+        async def handle(request: Request) -> Response:
+            watch = classroom.watch(request.path_params["name"])
+            if watch is None:
+                return JSONResponse({"error": "there is no such rig"}, 404)
+            try:
+                image = await run_in_threadpool(take, watch)
+            except UserError as error:
+                return JSONResponse({"error": str(error)}, 503)
+            return Response(image, media_type=kind)
 
-    async def live(request: Request) -> Response:
-        if is_refused(request):
-            return JSONResponse({"error": "the token of the class is needed"}, 403)
-        watch = classroom.watch(request.path_params["name"])
-        if watch is None:
-            return JSONResponse({"error": "there is no such rig"}, 404)
-        try:
-            image = await run_in_threadpool(live_picture, watch, classroom.roll.token)
-        except UserError as error:
-            return JSONResponse({"error": str(error)}, 503)
-        return Response(image, media_type="image/jpeg")
+        return handle
 
     async def act(request: Request) -> Response:
-        if is_refused(request):
-            return JSONResponse({"error": "the token of the class is needed"}, 403)
         try:
             asked = msgspec.json.decode(await request.body(), type=Act)
             done = await run_in_threadpool(classroom.desk.carry_out, asked, classroom.watches, classroom.roll.token)
@@ -156,31 +139,22 @@ def build_app(classroom: Classroom) -> Starlette:
             return JSONResponse({"error": str(error)}, 409)
         return Response(msgspec.json.encode({"outcomes": done}), media_type="application/json")
 
-    async def journal(request: Request) -> Response:
-        if is_refused(request):
-            return JSONResponse({"error": "the token of the class is needed"}, 403)
-        return Response(msgspec.json.encode(classroom.desk.journal()), media_type="application/json")
+    async def journal(_request: Request) -> Response:
+        return Response(msgspec.json.encode(classroom.desk.journal.last()), media_type="application/json")
 
     async def choices(_request: Request) -> Response:
         return JSONResponse({"scenarios": scenario_names(), "courses": course_names()})
 
-    school = build_school(classroom.school)
+    def live(watch: Watch) -> bytes:
+        return live_picture(watch, classroom.roll.token)
 
-    async def as_instructor(scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on to the school, as an instructor's, if it has the token of the class."""
-        if scope["type"] == "http" and is_refused(Request(scope)):
-            await JSONResponse({"error": "the token of the class is needed"}, 403)(scope, receive, send)
-            return
-        if classroom.roll.database is None:
-            await JSONResponse({"error": "the file of the class names no `database`"}, 409)(scope, receive, send)
-            return
-        headers = [each for each in scope.get("headers", []) if each[0] != ROLE.encode()]
-        await school({**scope, "headers": [*headers, (ROLE.encode(), b"instructor")]}, receive, send)
-
+    for_class = partial(_for_class, classroom)
     routes = [
-        Route("/", page), Route("/api/class", state), Route("/api/picture/{name}", picture),
-        Route("/api/live/{name}", live), Route("/api/act", act, methods=["POST"]), Route("/api/journal", journal),
-        Route("/api/choices", choices), Mount("/school", as_instructor),
+        Route("/", page), Route("/api/class", for_class(state)),
+        Route("/api/picture/{name}", for_class(picture_of(Watch.picture, "image/png"))),
+        Route("/api/live/{name}", for_class(picture_of(live, "image/jpeg"))),
+        Route("/api/act", for_class(act), methods=["POST"]), Route("/api/journal", for_class(journal)),
+        Route("/api/choices", choices), Mount("/school", _as_instructor(classroom)),
     ]  # fmt: skip
     policy = policy_of_text(html, "connect-src 'self'", "img-src blob:")
     headers = Middleware(SafeHeaders, policy=policy, also=_ALONE)
@@ -198,3 +172,37 @@ def serve(file: Path, host: str, port: int) -> None:
         uvicorn.Server(config).run(sockets=[sock])
     finally:
         classroom.close()
+
+
+def _refusal(classroom: Classroom, request: Request) -> Response | None:
+    """Return what a request without the token of the class is told; None if it has it."""
+    given = request.headers.get("X-Trocar-Token", "")
+    if secrets.compare_digest(given.encode(), classroom.roll.token.encode()):
+        return None
+    return JSONResponse({"error": "the token of the class is needed"}, 403)
+
+
+def _for_class(classroom: Classroom, handler: Handler) -> Handler:
+    """Return a handler of requests that have the token of the class."""
+
+    async def handle(request: Request) -> Response:
+        return _refusal(classroom, request) or await handler(request)
+
+    return handle
+
+
+def _as_instructor(classroom: Classroom) -> ASGIApp:
+    """Return the school of the class; a request with the token of the class is an instructor's."""
+    school = build_school(classroom.school)
+
+    async def pass_on(scope: Scope, receive: Receive, send: Send) -> None:
+        refusal = _refusal(classroom, Request(scope)) if scope["type"] == "http" else None
+        if refusal is None and classroom.roll.database is None:
+            refusal = JSONResponse({"error": "the file of the class names no `database`"}, 409)
+        if refusal is not None:
+            await refusal(scope, receive, send)
+            return
+        headers = [each for each in scope.get("headers", []) if each[0] != ROLE.encode()]
+        await school({**scope, "headers": [*headers, (ROLE.encode(), b"instructor")]}, receive, send)
+
+    return pass_on

@@ -6,7 +6,6 @@ A bench takes them by the token of the class (`supervisor.web.class_token`), and
 from __future__ import annotations
 
 import http.client
-import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any, Literal
 import msgspec
 
 from trocar.review.classroom.watch import Watch
+from trocar.review.journal import Journal
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.web.web_client import open_connection
 
@@ -49,7 +49,7 @@ class Desk:
     """Carries out acts; a bench that does not answer delays no other."""
 
     def __init__(self, journal: Path) -> None:
-        self._journal = journal
+        self.journal = Journal(journal)
 
     def carry_out(self, act: Act, watches: Sequence[Watch], token: str) -> list[Outcome]:
         """Carry out an act at the benches that it names; return what became of it at each.
@@ -63,19 +63,8 @@ class Desk:
         chosen = [known[name] for name in act.rigs] if act.rigs else list(watches)
         with ThreadPoolExecutor(_AT_ONCE) as pool:
             outcomes = list(pool.map(lambda watch: _at(watch, act, token), chosen))
-        self._write(act, outcomes)
+        self.journal.write({**msgspec.to_builtins(act), "outcomes": msgspec.to_builtins(outcomes)})
         return outcomes
-
-    def _write(self, act: Act, outcomes: Sequence[Outcome]) -> None:
-        line = {"at_ns": time.time_ns(), **msgspec.to_builtins(act), "outcomes": msgspec.to_builtins(outcomes)}
-        with self._journal.open("ab") as file:
-            file.write(msgspec.json.encode(line) + b"\n")
-
-    def journal(self, most: int = 200) -> list[Any]:
-        """Return the last acts, the newest first."""
-        if not self._journal.is_file():
-            return []
-        return [msgspec.json.decode(line) for line in reversed(self._journal.read_bytes().splitlines()[-most:])]
 
 
 def _at(watch: Watch, act: Act, token: str) -> Outcome:

@@ -42,25 +42,11 @@ class Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def build_app(bench: Bench) -> Starlette:
     """Return the application."""
+    return Starlette(routes=[*_trainee_routes(bench), *_file_routes(bench), *_desk_routes(bench)])
 
-    def say(value: object, status: int = 200) -> Response:
-        return Response(msgspec.json.encode(value), status, media_type="application/json")
 
-    def answering(call: Callable[[Request, Ask], Any], *, desk: bool = False) -> Handler:
-        async def handle(request: Request) -> Response:
-            if desk and request.headers.get(ROLE) != "instructor":
-                return say({"error": "the token of the class is needed: only an instructor may do this"}, 403)
-            try:
-                text = await _body(request, _WORDS_BYTES)
-                ask = msgspec.json.decode(text, type=Ask) if text else Ask()
-                found = await run_in_threadpool(call, request, ask)
-            except msgspec.DecodeError as error:
-                return say({"error": f"the request cannot be read: {error}"}, 400)
-            except UserError as error:
-                return say({"error": str(error)}, 409)
-            return found if isinstance(found, Response) else say(found)
-
-        return handle
+def _trainee_routes(bench: Bench) -> list[Route]:
+    """Return what a trainee asks for: who trains, in which course, attempts and curve."""
 
     def enter(_request: Request, ask: Ask) -> object:
         bench.enter(ask.trainee or bench.new_name(), ask.pin)
@@ -79,19 +65,37 @@ def build_app(bench: Bench) -> Starlette:
         query = request.query_params
         return bench.curve(query.get("trainee", ""), query.get("scenario", ""))
 
+    return [
+        Route("/state", _answering(lambda _r, _a: bench.state())),
+        Route("/pulse", _answering(lambda _r, _a: bench.pulse())),
+        Route("/name", _answering(lambda _r, _a: {"name": bench.new_name()})),
+        Route("/enter", _answering(enter), methods=["POST"]),
+        Route("/leave", _answering(leave), methods=["POST"]),
+        Route("/course", _answering(choose), methods=["POST"]),
+        Route("/attempts", _answering(lambda r, _a: bench.listed(r.query_params.get("trainee", "")))),
+        Route("/attempts/{number:int}", _answering(lambda r, _a: bench.report(_number(r)))),
+        Route("/curve", _answering(curve)),
+        Route("/ghost/{scenario}", _answering(lambda r, _a: {"attempt_id": bench.ghost(r.path_params["scenario"])})),
+        Route("/scales", _answering(lambda _r, _a: SCALES)),
+    ]
+
+
+def _file_routes(bench: Bench) -> list[Route]:
+    """Return the pictures and replays that a page brings and gets back."""
+
     async def replay(request: Request) -> Response:
         attempt_id = request.path_params["attempt_id"]
         try:
             if request.method == "PUT":
                 data = await _body(request, MOST_BYTES)
                 await run_in_threadpool(bench.replays.keep, attempt_id, data)
-                return say({"ok": True})
+                return _json({"ok": True})
             path = bench.replays.path(attempt_id)
             data = await run_in_threadpool(path.read_bytes)
         except FileNotFoundError:
-            return say({"error": "this attempt has no pictures: no page saw it"}, 404)
+            return _json({"error": "this attempt has no pictures: no page saw it"}, 404)
         except UserError as error:
-            return say({"error": str(error)}, 400)
+            return _json({"error": str(error)}, 400)
         return Response(data, media_type="application/octet-stream")
 
     async def last_picture(request: Request) -> Response:
@@ -99,21 +103,38 @@ def build_app(bench: Bench) -> Starlette:
         try:
             if request.method == "PUT":
                 bench.replays.keep_picture(attempt_id, await _body(request, _PICTURE_BYTES))
-                return say({"ok": True})
+                return _json({"ok": True})
             return Response(bench.replays.picture(attempt_id).read_bytes(), media_type="image/jpeg")
         except FileNotFoundError:
-            return say({"error": "this attempt has no picture"}, 404)
+            return _json({"error": "this attempt has no picture"}, 404)
         except UserError as error:
-            return say({"error": str(error)}, 400)
+            return _json({"error": str(error)}, 400)
 
     async def picture(request: Request) -> Response:
         if request.method == "PUT":
             bench.show(await _body(request, _PICTURE_BYTES))
-            return say({"ok": True})
+            return _json({"ok": True})
         if request.headers.get(ROLE) != "instructor":
-            return say({"error": "only an instructor may look"}, 403)
+            return _json({"error": "only an instructor may look"}, 403)
         image = bench.picture()
-        return say({"error": "no page is open"}, 404) if image is None else Response(image, media_type="image/jpeg")
+        return _json({"error": "no page is open"}, 404) if image is None else Response(image, media_type="image/jpeg")
+
+    return [
+        Route("/picture", picture, methods=["GET", "PUT"]),
+        Route("/last-picture/{attempt_id}", last_picture, methods=["GET", "PUT"]),
+        Route("/replay/{attempt_id}", replay, methods=["GET", "PUT"]),
+    ]
+
+
+def _desk_routes(bench: Bench) -> list[Route]:
+    """Return what only an instructor may do."""
+
+    def done(act: Callable[[Ask, Request], object]) -> Handler:
+        def call(request: Request, ask: Ask) -> object:
+            act(ask, request)
+            return {"ok": True}
+
+        return _answering(call, desk=True)
 
     def export(request: Request, _ask: Ask) -> Response:
         form = request.path_params["form"]
@@ -121,53 +142,46 @@ def build_app(bench: Bench) -> Starlette:
             raise UserError(f"{form!r} is no form of export; known: {', '.join(_KINDS)}")
         return Response(bench.export(form, request.query_params.get("trainee")), media_type=_KINDS[form])
 
-    def done(act: Callable[[Ask, Request], object]) -> Callable[[Request, Ask], object]:
-        def call(request: Request, ask: Ask) -> object:
-            act(ask, request)
-            return {"ok": True}
+    acts: dict[str, Callable[[Ask, Request], object]] = {
+        "/attempts/{number:int}/rating": lambda a, r: bench.rate(_number(r), a.scale, a.points, a.by),
+        "/attempts/{number:int}/bookmark": lambda a, r: bench.bookmark(_number(r), a.at_s, a.words, a.by),
+        "/mark": lambda a, _r: bench.mark(a.trainee, a.kind, a.value, a.by),
+        "/message": lambda a, _r: bench.say(a.words, a.by),
+        "/erase": lambda a, _r: bench.erase(a.trainee, a.by, recordings=a.recordings),
+    }
+    return [
+        Route("/class", _answering(lambda _r, _a: bench.table(), desk=True)),
+        Route("/journal", _answering(lambda _r, _a: bench.journal.last(), desk=True)),
+        Route("/export/{form}", _answering(export, desk=True)),
+        *(Route(path, done(act), methods=["POST"]) for path, act in acts.items()),
+    ]
 
-        return call
 
-    def number(request: Request) -> int:
-        return int(request.path_params["number"])
+def _answering(call: Callable[[Request, Ask], Any], *, desk: bool = False) -> Handler:
+    """Return a handler that answers with what a call returns, or says why not; `desk`: to an instructor only."""
 
-    routes = [
-        Route("/state", answering(lambda _r, _a: bench.state())),
-        Route("/pulse", answering(lambda _r, _a: bench.pulse())),
-        Route("/picture", picture, methods=["GET", "PUT"]),
-        Route("/last-picture/{attempt_id}", last_picture, methods=["GET", "PUT"]),
-        Route("/name", answering(lambda _r, _a: {"name": bench.new_name()})),
-        Route("/enter", answering(enter), methods=["POST"]),
-        Route("/leave", answering(leave), methods=["POST"]),
-        Route("/course", answering(choose), methods=["POST"]),
-        Route("/attempts", answering(lambda r, _a: bench.listed(r.query_params.get("trainee", "")))),
-        Route("/attempts/{number:int}", answering(lambda r, _a: bench.report(number(r)))),
-        Route("/curve", answering(curve)),
-        Route("/ghost/{scenario}", answering(lambda r, _a: {"attempt_id": bench.ghost(r.path_params["scenario"])})),
-        Route("/replay/{attempt_id}", replay, methods=["GET", "PUT"]),
-        Route("/scales", answering(lambda _r, _a: SCALES)),
-        Route("/class", answering(lambda _r, _a: bench.table(), desk=True)),
-        Route("/journal", answering(lambda _r, _a: bench.journal(), desk=True)),
-        Route("/export/{form}", answering(export, desk=True)),
-        Route(
-            "/attempts/{number:int}/rating",
-            answering(done(lambda a, r: bench.rate(number(r), a.scale, a.points, a.by)), desk=True), methods=["POST"],
-        ),
-        Route(
-            "/attempts/{number:int}/bookmark",
-            answering(done(lambda a, r: bench.bookmark(number(r), a.at_s, a.words, a.by)), desk=True), methods=["POST"],
-        ),
-        Route(
-            "/mark", answering(done(lambda a, _r: bench.mark(a.trainee, a.kind, a.value, a.by)), desk=True),
-            methods=["POST"],
-        ),
-        Route("/message", answering(done(lambda a, _r: bench.say(a.words, a.by)), desk=True), methods=["POST"]),
-        Route(
-            "/erase", answering(done(lambda a, _r: bench.erase(a.trainee, a.by, recordings=a.recordings)), desk=True),
-            methods=["POST"],
-        ),
-    ]  # fmt: skip
-    return Starlette(routes=routes)
+    async def handle(request: Request) -> Response:
+        if desk and request.headers.get(ROLE) != "instructor":
+            return _json({"error": "the token of the class is needed: only an instructor may do this"}, 403)
+        try:
+            text = await _body(request, _WORDS_BYTES)
+            ask = msgspec.json.decode(text, type=Ask) if text else Ask()
+            found = await run_in_threadpool(call, request, ask)
+        except msgspec.DecodeError as error:
+            return _json({"error": f"the request cannot be read: {error}"}, 400)
+        except UserError as error:
+            return _json({"error": str(error)}, 409)
+        return found if isinstance(found, Response) else _json(found)
+
+    return handle
+
+
+def _json(value: object, status: int = 200) -> Response:
+    return Response(msgspec.json.encode(value), status, media_type="application/json")
+
+
+def _number(request: Request) -> int:
+    return int(request.path_params["number"])
 
 
 async def _body(request: Request, most: int) -> bytes:

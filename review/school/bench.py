@@ -18,6 +18,7 @@ from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.experts import band_of, counts_of
 from trocar.review.attempts.statements import statement
 from trocar.review.attempts.store.attempts import Listed, Store
+from trocar.review.journal import Journal
 from trocar.review.school import reports
 from trocar.review.school.courses import Course, Made, StepStanding, course_names, load_course, standing, today
 from trocar.review.school.listening import wall_minus_monotonic_ns
@@ -63,7 +64,7 @@ class Bench:
         self.messages: list[dict[str, Any]] = []
         self._picture, self._picture_s, self._watched_s = b"", -_LOOKED_S, -_LOOKED_S
         self.replays = Replays(folder_of(database))
-        self._journal = journal or folder_of(database).with_suffix(".journal")
+        self.journal = Journal(journal or folder_of(database).with_suffix(".journal"))
 
     def pulse(self) -> dict[str, Any]:
         """Return what a page asks for each second: whether somebody looks, the last message, and what has changed."""
@@ -167,8 +168,8 @@ class Bench:
     def listed(self, trainee: str) -> list[dict[str, Any]]:
         """Return the attempts of a trainee, the newest first."""
         with self._lock, self.store() as store:
-            wholes = {row.id: store.assessment(row.id)[0] for row in store.listed(trainee)}
             rows = store.listed(trainee)
+            wholes = {row.id: store.assessment(row.id)[0] for row in rows}
         return [
             {
                 **msgspec.structs.asdict(row), "recording": "", "title": wholes[row.id].title,
@@ -197,7 +198,7 @@ class Bench:
     def ghost(self, scenario: str) -> str:
         """Return the attempt whose hands are shown as an example: the best success with a replay, experts' first."""
         with self._lock, self.store() as store:
-            experts = {note.trainee for note in store.notes(kind=_EXPERT) if note.data}
+            experts = _experts(store)
             rows = [row for row in store.listed(scenario=scenario) if row.outcome == "success" and row.counts]
             rows.sort(key=lambda row: (row.trainee not in experts, -(row.total or 0.0)))
             for row in rows:
@@ -208,8 +209,7 @@ class Bench:
 
     def _band(self, store: Store, scenario: str) -> tuple[Band, int]:
         """Return the band of the reference attempts at a scenario, and how many there are."""
-        experts = {note.trainee for note in store.notes(kind=_EXPERT) if note.data}
-        wholes = [found for who in sorted(experts) for _, found in store.kept(who)]
+        wholes = [found for who in sorted(_experts(store)) for _, found in store.kept(who)]
         good = [each for each in wholes if each.scenario == scenario and each.outcome == "success" and each.counts]
         return band_of([each.metrics | counts_of(each.errors) for each in good]), len(good)
 
@@ -223,13 +223,13 @@ class Bench:
             raise UserError(f"{scale}: {wrong[0] if wrong else 'nothing'} is not rated from 1 to {most}")
         with self._lock, self.store() as store:
             store.note(scale, by, dict(points), attempt=number)
-        self.write("rate", by, {"attempt": number, "scale": scale, "points": dict(points)})
+        self._note_act("rate", by, {"attempt": number, "scale": scale, "points": dict(points)})
 
     def bookmark(self, number: int, at_s: float, words: str, by: str) -> None:
         """Keep a remark on a moment of an attempt."""
         with self._lock, self.store() as store:
             store.note("bookmark", by, {"at_s": at_s, "words": words[:512]}, attempt=number)
-        self.write("bookmark", by, {"attempt": number, "at_s": at_s, "words": words[:512]})
+        self._note_act("bookmark", by, {"attempt": number, "at_s": at_s, "words": words[:512]})
 
     def mark(self, trainee: str, kind: str, value: object, by: str) -> None:
         """Say of a trainee whether attempts are references (`expert`), or that a PIN is asked for (`pin`)."""
@@ -239,19 +239,19 @@ class Bench:
         with self._lock, self.store() as store:
             store.enrol(trainee)
             store.note(kind, by, kept, trainee=trainee)
-        self.write(kind, by, {"trainee": trainee, "value": "set" if kind == _PIN else kept})
+        self._note_act(kind, by, {"trainee": trainee, "value": "set" if kind == _PIN else kept})
 
     def say(self, words: str, by: str) -> None:
         """Show a message at this bench."""
         self.messages.append({"at_ns": time.time_ns(), "by": by, "words": words[:512], "id": secrets.randbits(40)})
         del self.messages[:-20]
-        self.write("message", by, {"words": words[:512]})
+        self._note_act("message", by, {"words": words[:512]})
 
     def table(self) -> list[dict[str, Any]]:
         """Return the class: each trainee with course, attempts, best and last score, and when last seen."""
         found = []
         with self._lock, self.store() as store:
-            experts = {note.trainee for note in store.notes(kind=_EXPERT) if note.data}
+            experts = _experts(store)
             for name in store.trainees():
                 rows, told = store.listed(name), self._course_of(store, name)
                 found.append(_class_row(name, rows, told, name in experts))
@@ -277,21 +277,16 @@ class Bench:
                 store.erase(trainee)
         if self.trainee == trainee:
             self.trainee = ""
-        self.write("erase", by, {"trainee": "erased", "recordings": recordings})
+        self._note_act("erase", by, {"trainee": "erased", "recordings": recordings})
 
-    def write(self, act: str, by: str, data: Mapping[str, object]) -> None:
-        """Write an act to the journal."""
-        line = msgspec.json.encode({"at_ns": time.time_ns(), "by": by, "act": act, **data})
-        self._journal.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with self._journal.open("ab") as file:
-            file.write(line + b"\n")
+    def _note_act(self, act: str, by: str, data: Mapping[str, object]) -> None:
+        """Write an act of an instructor into the journal."""
+        self.journal.write({"by": by, "act": act, **data})
 
-    def journal(self, most: int = 200) -> list[Any]:
-        """Return the last acts, the newest first."""
-        if not self._journal.is_file():
-            return []
-        lines = self._journal.read_bytes().splitlines()[-most:]
-        return [msgspec.json.decode(line) for line in reversed(lines)]
+
+def _experts(store: Store) -> set[str]:
+    """Return the trainees whose attempts are references."""
+    return {note.trainee for note in store.notes(kind=_EXPERT) if note.data}
 
 
 def _class_row(name: str, rows: list[Listed], told: Mapping[str, Any], is_expert: bool) -> dict[str, Any]:

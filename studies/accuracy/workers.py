@@ -56,6 +56,16 @@ class _Cluster:
             yield numbers[done.key], done.result()
 
 
+def connect_client(scheduler: str) -> Any:
+    """Return a client of a Dask scheduler. Raises ConnectionError if none answers at that address."""
+    from distributed import Client
+
+    try:
+        return Client(scheduler, timeout=CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise ConnectionError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+
+
 @contextmanager
 def open_workers(jobs: int, scheduler: str | None) -> Iterator[Workers]:
     """Open ``jobs`` processes here, or connect to the scheduler of a cluster.
@@ -63,12 +73,7 @@ def open_workers(jobs: int, scheduler: str | None) -> Iterator[Workers]:
     Raises ConnectionError if there is no scheduler at that address.
     """
     if scheduler is not None:
-        from distributed import Client
-
-        try:
-            client = Client(scheduler, timeout=CONNECT_S)
-        except (OSError, ValueError) as error:
-            raise ConnectionError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+        client = connect_client(scheduler)
         with client, client.as_current():
             yield _Cluster(client)
     elif jobs == 1:

@@ -211,7 +211,7 @@ def test_a_replay_is_kept_once_and_goes_with_its_trainee(client: httpx.Client, b
     client.post("/erase", json={"trainee": "heron-17"}, headers=INSTRUCTOR)
     assert client.get("/replay/20261130T1-a", headers=TRAINEE).status_code == 404
     assert client.get("/class", headers=INSTRUCTOR).json() == []
-    assert b"heron" not in Path(bench._journal).read_bytes(), "the journal tells that somebody was erased, not who"
+    assert b"heron" not in bench.journal.path.read_bytes(), "the journal tells that somebody was erased, not who"
 
 
 def test_the_class_is_exported_by_an_instructor_alone(client: httpx.Client, bench: Bench) -> None:

@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 
 from trocar.envs.ducts import Ducts
 from trocar.services.runtime.realtime.autogroup import end_with_parent
-from trocar.studies.accuracy.workers import CONNECT_S
+from trocar.studies.accuracy.workers import connect_client
 
 Answer = Callable[[], Any]
 """Returns the result of a call when it is there."""
@@ -207,12 +207,7 @@ def connect(scheduler: str) -> tuple[Any, list[str]]:
 
     Raises ConnectionError if no scheduler answers there, or it has no workers.
     """
-    from distributed import Client
-
-    try:
-        client = Client(scheduler, timeout=CONNECT_S)
-    except (OSError, ValueError) as error:
-        raise ConnectionError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+    client = connect_client(scheduler)
     workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
     if not workers:
         client.close()

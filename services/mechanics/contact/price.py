@@ -136,6 +136,22 @@ def _find_violations(
 
 
 @inlined_kernel
+def _correct_row(rows: ContactRows, motion: FloatArray, at: int, end_m: float, most_m: float) -> int:
+    """Correct a row by what the step ends deeper than it predicts; return 1 if it was, else 0.
+
+    A row is linear in the motion of the bodies: the difference is added to its gap (second-order correction of
+    constraints, Nocedal and Wright, "Numerical Optimization", 18.3). ``end_m`` is the gap at the end of the step, with
+    the rest offset; beyond a depth of ``most_m`` only rounding is left uncorrected.
+    """
+    begun = rows.gap_m[at] + rows.rest_offset_m[at] + rows.correction_m[at]
+    deeper = end_m - (begun + motion[3 * at] - rows.effective_gap_m[at])
+    if deeper < -(IMPLIED_M if end_m >= -most_m else ROUNDING_M):
+        rows.correction_m[at] += deeper
+        return 1
+    return 0
+
+
+@inlined_kernel
 def _correct_rows(
     listed: CandidateList, found: Candidates, working: WorkingSet, state: ContactState, violation: tuple[int, float]
 ) -> tuple[int, int]:
@@ -143,9 +159,7 @@ def _correct_rows(
 
     ``violation`` is (its index, the depth in m beyond which nothing may deepen).
 
-    A row covers it that has the same points, on any triangle, and nearly the same normal. It is linear in the motion of
-    the bodies: what the step ends deeper than the row predicts is added to its gap (second-order correction of
-    constraints, Nocedal and Wright, "Numerical Optimization", 18.3).
+    A row covers it that has the same points, on any triangle, and nearly the same normal.
     """
     i, most_m = violation
     p, t, rows, motion = found.piece[i], found.triangle[i], state.rows, state.problem.motion
@@ -157,11 +171,7 @@ def _correct_rows(
             known = place_at_rest(working.rest, rows.duct_node, at, row(rows.duct_weight, at))
             if squared_distance(place, known) < near * near:
                 covering += 1
-                begun = rows.gap_m[at] + rows.rest_offset_m[at] + rows.correction_m[at]
-                deeper = found.gap_m[i] - (begun + motion[3 * at] - rows.effective_gap_m[at])
-                if deeper < -(IMPLIED_M if found.gap_m[i] >= -most_m else ROUNDING_M):
-                    corrected += 1
-                    rows.correction_m[at] += deeper
+                corrected += _correct_row(rows, motion, at, found.gap_m[i], most_m)
     return covering, corrected
 
 
@@ -240,8 +250,7 @@ def _correct_capsule_rows(
 ) -> tuple[int, int]:
     """Return how many rows couple a piece of a tool with a segment here, and how many have been corrected.
 
-    ``end_m`` is the gap at the end of the step, with the rest offset; what it is deeper than a row predicts is added to
-    the row's gap, as in `_correct_rows`. ``place`` is (place along the segment, as in its ``violation``).
+    ``place`` is (place along the segment, depth in m beyond which nothing may deepen), ``end_m`` as for `_correct_row`.
     """
     (i, j), (t, most_m), covering, corrected = pair, place, 0, 0
     rows, motion = state.rows, state.problem.motion
@@ -250,11 +259,7 @@ def _correct_capsule_rows(
         is_there = rows.identity[at] == identity and abs(rows.rod_weight[at, 3] + t) < SAME_POINT
         if is_there and dot(row_of(rows.frame, at, 0), normal) > SAME_NORMAL:
             covering += 1
-            begun = rows.gap_m[at] + rows.rest_offset_m[at] + rows.correction_m[at]
-            deeper = end_m - (begun + motion[3 * at] - rows.effective_gap_m[at])
-            if deeper < -(IMPLIED_M if end_m >= -most_m else ROUNDING_M):
-                corrected += 1
-                rows.correction_m[at] += deeper
+            corrected += _correct_row(rows, motion, at, end_m, most_m)
     return covering, corrected
 
 
