@@ -185,8 +185,8 @@ def test_an_argument_that_cannot_be_used_is_told_in_a_sentence(settings: dict[st
 
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trocar.envs import groups
+    from trocar.studies.accuracy import workers
 
-    monkeypatch.setattr(groups, "CONNECT_S", 0.3)
+    monkeypatch.setattr(workers, "CONNECT_S", 0.3)
     with pytest.raises(ConnectionError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         Batch("trocar/Insertion-v0", 2, scheduler="tcp://127.0.0.1:9")
