@@ -52,6 +52,10 @@ def served(*apps: ASGIApp, certificate: Certificate | None = None) -> Iterator[l
 
     async def run() -> None:
         await asyncio.gather(*(s.serve(sockets=[end]) for s, end in zip(servers, sockets, strict=True)))
+        left = [connection for server in servers for connection in server.server_state.connections]
+        for connection in left:  # a page that listens has one, which its server waits for a second and then forgets
+            connection.transport.abort()
+        await asyncio.sleep(0)  # closes them
 
     thread = threading.Thread(target=lambda: asyncio.run(run()))
     thread.start()
