@@ -255,6 +255,18 @@ def test_a_window_that_stands_still_goes_with_the_view(display: Display) -> None
     assert ended, "it lives on without anybody"
 
 
+def test_a_choice_of_drawing_off_the_screen_is_not_a_missing_display(
+    display: Display, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    monkeypatch.setenv("DISPLAY", display.name)
+    output = open_window()
+    try:
+        assert output.gauges()["window_open"] == 1.0
+    finally:
+        output.close()
+
+
 def test_a_display_that_is_not_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DISPLAY", ":4711")
     monkeypatch.setattr(window_output, "_TRIES", 2)
