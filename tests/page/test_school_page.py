@@ -10,6 +10,7 @@ import pytest
 
 from tests import chromium
 from tests.page.school_page import TOKEN, SchoolPage, assessed, replay, school_page
+from tests.patience import PATIENCE_S
 from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.training.errors import ERRORS, ErrorEvent
 
@@ -134,6 +135,7 @@ def test_a_finished_attempt_is_reported_with_a_jump_into_its_replay(page: School
     assert page.sees("#report-next")
     page.press("#report-next")
     page.until("document.getElementById('sheet').hidden", "the report is left for the next task")
+    page.browser.until(lambda: page.asked, PATIENCE_S, "the next task is asked for")
     assert page.asked[-1].what in ("attempt", "switch")
 
 

@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.types import Receive, Scope, Send
 
 from trocar.services.runtime.bus.endpoints import run_directory
 from trocar.services.runtime.config.rig import Transport
@@ -117,7 +118,28 @@ async def pass_on(request: Request, path: Path, role: str) -> Response:
     except (OSError, ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
         writer.close()
         return JSONResponse({"error": "the school has not answered"}, 504)
-    return StreamingResponse(_parts(reader, writer), status, media_type=kind, headers={"Cache-Control": "no-store"})
+    except BaseException:  # the request is cancelled, or whoever asked has gone
+        writer.close()
+        raise
+    return _PassedOn(reader, writer, status, kind)
+
+
+class _PassedOn(StreamingResponse):
+    """The school's answer, part by part.
+
+    The connection to the school is closed however the request ends: whoever asked may go before the first part, and
+    then the parts' iterator never begins.
+    """
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, status: int, kind: str) -> None:
+        super().__init__(_parts(reader), status, media_type=kind, headers={"Cache-Control": "no-store"})
+        self._writer = writer
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self._writer.close()
 
 
 async def _head(reader: asyncio.StreamReader) -> tuple[int, str]:
@@ -127,9 +149,6 @@ async def _head(reader: asyncio.StreamReader) -> tuple[int, str]:
     return int(lines[0].split(" ")[1]), headers.get("content-type", "application/octet-stream")
 
 
-async def _parts(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> AsyncIterator[bytes]:
-    try:
-        while part := await reader.read(_PART_BYTES):
-            yield part
-    finally:
-        writer.close()
+async def _parts(reader: asyncio.StreamReader) -> AsyncIterator[bytes]:
+    while part := await reader.read(_PART_BYTES):
+        yield part

@@ -5,14 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from tests.patience import PATIENCE_S
 from trocar.services.supervisor.page.school import pass_on
 
 
@@ -61,3 +63,32 @@ def test_a_body_of_unknown_length_is_refused(tmp_path: Path) -> None:
         return await _arrived(tmp_path, "enter", body())
 
     assert asyncio.run(parts()) == (411, [])
+
+
+def test_who_goes_before_the_answer_leaves_no_connection_to_the_school(tmp_path: Path) -> None:
+    ended = asyncio.Event()
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"HTTP/1.1 200 OK\r\n\r\n{")
+        await reader.read()
+        ended.set()
+        writer.close()
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    async def gone(_: Any) -> None:
+        raise ConnectionResetError
+
+    async def request() -> Response:
+        scope = {"type": "http", "asgi": {"spec_version": "2.4"}, "method": "GET", "path": "/own", "query_string": b"",
+                 "headers": [], "path_params": {"path": "own"}}  # fmt: skip
+        async with await asyncio.start_unix_server(answer, str(tmp_path / "sock")):
+            response = await pass_on(Request(scope, receive), tmp_path / "sock", "trainee")
+            with pytest.raises(ClientDisconnect):
+                await response(scope, receive, gone)
+            await asyncio.wait_for(ended.wait(), PATIENCE_S)
+        return response
+
+    asyncio.run(request())
