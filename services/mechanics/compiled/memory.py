@@ -59,6 +59,10 @@ class SavedArrays:
         """Overwrite the live arrays with their copies."""
         copy_arrays(self._restore)
 
+    def are_as_saved(self) -> bool:
+        """Return whether all live arrays are, number by number, as they were at the last `save`."""
+        return all(map(np.array_equal, self._live, self._copies))
+
 
 PAGE_WORDS = 512
 """Numbers of 8 bytes in a page of memory."""

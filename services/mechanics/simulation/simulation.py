@@ -23,6 +23,7 @@ from trocar.services.mechanics.contact.local_stiffness import LocalStiffness
 from trocar.services.mechanics.contact.rows import ContactRows
 from trocar.services.mechanics.contact.system import DroppedContacts
 from trocar.services.mechanics.contact.tool_loads import report
+from trocar.services.mechanics.contact.working_set import tolerated_overlap_m
 from trocar.services.mechanics.effects import act, build_effects, by_stage
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.rod.free_step import continue_sleep
@@ -31,13 +32,14 @@ from trocar.services.mechanics.scene.argument_checks import ArgumentChecks
 from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from trocar.services.mechanics.simulation.healing import Healer
 from trocar.services.mechanics.simulation.inside_watch import InsideWatch
-from trocar.services.mechanics.simulation.motion_share import LOOKS, MotionShare
+from trocar.services.mechanics.simulation.motion_share import MotionShare
 from trocar.services.mechanics.simulation.scene_catheter import place_catheter
 from trocar.services.mechanics.simulation.scene_world import build_world
 from trocar.services.mechanics.simulation.sound_start import begin_sound
 from trocar.services.mechanics.simulation.step_solver import PRICING_PRODUCTS, StepSolver
 from trocar.services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
 from trocar.services.mechanics.simulation.step_start import StepStart
+from trocar.services.mechanics.simulation.stuck_world import StuckWorld
 
 LONGEST_TICK_S = 1.0
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
@@ -106,6 +108,8 @@ class Simulation:
         )
         self._motion_share = MotionShare(world, self._start)
         self._healer = Healer(world, self._start)
+        self._stuck = StuckWorld(world, tolerated_overlap_m(scene.duct.thickness_m))
+        self._tick_s, self._has_moved = 0.0, False
         for name in scene.quality[0].without:
             self.effects[name].rest()
         self._use_rung(0)
@@ -129,17 +133,27 @@ class Simulation:
         self._healer.begin()
         self.solver.products = 0
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
-        steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
-        for _ in range(steps):
-            if not self._step_in_parts(tools, dt_s / steps):
-                self._heal()
-                break
+        if self._stuck.is_stuck(tools, dt_s):
+            self.withheld_s += dt_s
+            return
+        self._tick_s, self._has_moved = dt_s, False
+        self._take_tick(tools, dt_s)
+        self._stuck.note(tools, dt_s, moved=self._has_moved or bool(self._fading))
         start_ns = perf_counter_ns()
-        self.write_report()
+        if self.share > 0.0:
+            self.write_report()
         self.cost_ns[-1] = perf_counter_ns() - start_ns
         self.inside_watch.look(self.tools.present.tolist(), self.tools.disengaged.tolist())
         if self._fading and all(effect.rests for effect in self._fading):
             self._use_rung(self.quality_level)
+
+    def _take_tick(self, tools: ToolInputs, dt_s: float) -> None:
+        """Advance by a tick in steps; recover from a state that is not sound."""
+        steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
+        for _ in range(steps):
+            if not self._step_in_parts(tools, dt_s / steps):
+                self._heal()
+                return
 
     def compile_rare_kernels(self) -> None:
         """Compile the kernels for many contacts, fast walls, unsound ends, sleep, grasps, energies and terms.
@@ -188,6 +202,9 @@ class Simulation:
         share = self.share
         if share > 0.0:
             self._correct(dt_s)
+            self._has_moved = True
+            if dt_s < self._tick_s:  # a part that follows may leave none of its rows
+                self._write_forces()
         if self.watcher is not None:
             self.watcher.end(share * dt_s)
         return self._healer.watch() and (share == 1.0 or self._go_on(tools, dt_s, share))
@@ -200,7 +217,7 @@ class Simulation:
         if not self.solver.prices:
             return 1.0
         share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share)
-        self.solver.products += LOOKS * PRICING_PRODUCTS
+        self.solver.products += self._motion_share.looks * PRICING_PRODUCTS
         quantum = max(0.125, SHORTEST_STEP_S / dt_s)
         return share if share == 1.0 or quantum >= 1.0 else quantum * math.floor(share / quantum)
 
@@ -267,6 +284,7 @@ class Simulation:
         if self.wire_drive is not None:
             self.wire_drive.let_go()
         self._tool_force[:] = 0.0
+        self.share, self._has_moved = 1.0, True
         self._use_rung(self.quality_level)
 
     @property
@@ -339,6 +357,7 @@ class Simulation:
         acting = [e for name, e in self.effects.items() if e in self._fading or name not in self.rung.without]
         self._stages = by_stage(acting)
         self.solver.use(self._stages, self.rung.iterations)
+        self._stuck.forget()
 
     def _collect(self, tools: ToolInputs, dt_s: float) -> None:
         """Make contact rows of the selected candidates and of the holds."""
@@ -355,7 +374,6 @@ class Simulation:
         self.holds.follow(wanted if self.drive is None else [*wanted, *self.drive.holds()])
         if self.holds.has_begun:
             set_rest_offsets(pairs.address, system.geometry.address, tools.holds is not None)
-        act(self._stages, "add_pairs", self.world, dt_s)
         system.append(pairs)
         act(self._stages, "add_rows", self.world, dt_s)
         self.holds.append_rows()
@@ -387,9 +405,16 @@ class Simulation:
         self.cost_ns[-2] += perf_counter_ns() - start_ns
 
     def write_report(self) -> None:
-        """Write the forces on the tools at the end of a tick, whatever its number of substeps."""
-        self.max_penetration_m = report(self.system.address, self._tool_force, self._report)
+        """Write what the tools feel at the end of a tick, whatever its number of substeps.
+
+        A part of which nothing has happened has forces that nothing has borne: what was felt before it stays.
+        """
+        self._write_forces()
         if self.system.strategy.keeps_delassus and self.is_felt:
             self._stiffness.write()
         if self.wire_drive is not None:
             self.wire_drive.felt_stiffness(self.tool_results.stiffness_n_m)
+
+    def _write_forces(self) -> None:
+        """Write the forces on the tools, and where they are, of the rows that were solved last."""
+        self.max_penetration_m = report(self.system.address, self._tool_force, self._report)
