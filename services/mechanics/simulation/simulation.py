@@ -104,12 +104,14 @@ class Simulation:
             effect.prepare(world)
         self.solver = StepSolver(world, self._tool_force)
         self._start = StepStart(
-            world, [*self.grasps, *(drive for drive in (self.drive, self.wire_drive) if drive is not None)]
+            world,
+            [*self.grasps, *(drive for drive in (self.drive, self.wire_drive) if drive is not None)],
+            self._tool_force,
         )
         self._motion_share = MotionShare(world, self._start)
         self._healer = Healer(world, self._start)
         self._stuck = StuckWorld(world, tolerated_overlap_m(scene.duct.thickness_m))
-        self._tick_s, self._has_moved = 0.0, False
+        self._has_moved = False
         for name in scene.quality[0].without:
             self.effects[name].rest()
         self._use_rung(0)
@@ -136,12 +138,11 @@ class Simulation:
         if self._stuck.is_stuck(tools, dt_s):
             self.withheld_s += dt_s
             return
-        self._tick_s, self._has_moved = dt_s, False
+        self._has_moved = False
         self._take_tick(tools, dt_s)
         self._stuck.note(tools, dt_s, moved=self._has_moved or bool(self._fading))
         start_ns = perf_counter_ns()
-        if self.share > 0.0:
-            self.write_report()
+        self.write_report()
         self.cost_ns[-1] = perf_counter_ns() - start_ns
         self.inside_watch.look(self.tools.present.tolist(), self.tools.disengaged.tolist())
         if self._fading and all(effect.rests for effect in self._fading):
@@ -203,8 +204,7 @@ class Simulation:
         if share > 0.0:
             self._correct(dt_s)
             self._has_moved = True
-            if dt_s < self._tick_s:  # a part that follows may leave none of its rows
-                self._write_forces()
+            self.system.keep_rows()
         if self.watcher is not None:
             self.watcher.end(share * dt_s)
         return self._healer.watch() and (share == 1.0 or self._go_on(tools, dt_s, share))
@@ -226,6 +226,7 @@ class Simulation:
         share = self.share
         if share == 0.0:
             self._start.restore()
+            self.system.bring_rows_back()
             self.duct.halt()
             self.catheter.state.halt()
         elif share < 1.0:
@@ -407,14 +408,10 @@ class Simulation:
     def write_report(self) -> None:
         """Write what the tools feel at the end of a tick, whatever its number of substeps.
 
-        A part of which nothing has happened has forces that nothing has borne: what was felt before it stays.
+        Of a part of which nothing has happened nothing is felt: forces are those before it, and so is the stiffness.
         """
-        self._write_forces()
-        if self.system.strategy.keeps_delassus and self.is_felt:
+        self.max_penetration_m = report(self.system.address, self._tool_force, self._report)
+        if self.system.strategy.keeps_delassus and self.is_felt and self.share > 0.0:
             self._stiffness.write()
         if self.wire_drive is not None:
             self.wire_drive.felt_stiffness(self.tool_results.stiffness_n_m)
-
-    def _write_forces(self) -> None:
-        """Write the forces on the tools, and where they are, of the rows that were solved last."""
-        self.max_penetration_m = report(self.system.address, self._tool_force, self._report)

@@ -13,6 +13,7 @@ from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation, step_solver
 from trocar.services.mechanics.simulation.sound_start import begin_sound
 from trocar.studies.judge.overlaps import OverlapJudge
+from trocar.studies.stability.finely import contact_forces_n
 
 ROUNDING_M = 1e-6
 """The judge and the price measure walls that are placed by different sums."""
@@ -177,6 +178,7 @@ def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, 
     assert np.linalg.norm(before["force_n"]) > 0.01
 
     def solve(dt_s):
+        simulation.contacts.force_n[:], simulation.system.force_n[:] = 50.0, 50.0
         simulation.solver.tool_force[:] = 100.0
         simulation.solver.products += step_solver.MOST_PRODUCTS
         return False
@@ -187,6 +189,7 @@ def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, 
     assert simulation.withheld_s == pytest.approx(1e-3)
     for name, value in before.items():
         assert np.array_equal(getattr(felt, name), value), name
+    assert contact_forces_n(simulation) == pytest.approx(felt.force_n, abs=1e-12)
 
 
 def falls_freely(simulation, monkeypatch):
