@@ -111,7 +111,6 @@ class Simulation:
         self._motion_share = MotionShare(world, self._start)
         self._healer = Healer(world, self._start)
         self._stuck = StuckWorld(world, tolerated_overlap_m(scene.duct.thickness_m))
-        self._has_moved = False
         for name in scene.quality[0].without:
             self.effects[name].rest()
         self._use_rung(0)
@@ -135,26 +134,20 @@ class Simulation:
         self._healer.begin()
         self.solver.products = 0
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
-        if self._stuck.is_stuck(tools, dt_s):
-            self.withheld_s += dt_s
-            return
-        self._has_moved = False
-        self._take_tick(tools, dt_s)
-        self._stuck.note(tools, dt_s, moved=self._has_moved or bool(self._fading))
+        self._stuck.begin(tools)
+        if self._fading:
+            self._stuck.forget()
+        steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
+        for _ in range(steps):
+            if not self._step_in_parts(tools, dt_s / steps):
+                self._heal()
+                break
         start_ns = perf_counter_ns()
         self.write_report()
         self.cost_ns[-1] = perf_counter_ns() - start_ns
         self.inside_watch.look(self.tools.present.tolist(), self.tools.disengaged.tolist())
         if self._fading and all(effect.rests for effect in self._fading):
             self._use_rung(self.quality_level)
-
-    def _take_tick(self, tools: ToolInputs, dt_s: float) -> None:
-        """Advance by a tick in steps; recover from a state that is not sound."""
-        steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
-        for _ in range(steps):
-            if not self._step_in_parts(tools, dt_s / steps):
-                self._heal()
-                return
 
     def compile_rare_kernels(self) -> None:
         """Compile the kernels for many contacts, fast walls, unsound ends, sleep, grasps, energies and terms.
@@ -183,9 +176,12 @@ class Simulation:
 
         One that is not accepted is taken back to its largest sound share, and the rest of its time follows in parts of
         its own; if less than half of it is sound, it is taken in halves, down to the shortest. Time that is left when
-        the tick's products are spent, or by one of the shortest, does not happen.
+        the tick's products are spent, or by one of the shortest, does not happen. What has failed from here is not
+        tried again.
         """
-        if self.solver.is_spent:
+        if self._stuck.fails(dt_s) and dt_s > SHORTEST_STEP_S:
+            return all(self._take_part(tools, dt_s / 2) for _ in range(2))
+        if self.solver.is_spent or self._stuck.fails(dt_s):
             self.withheld_s += dt_s
             return True
         self.duct.change_step(dt_s)
@@ -198,19 +194,24 @@ class Simulation:
             self.share = self._find_share(dt_s)
             if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
                 self._start.restore()
+                self._stuck.note_failed(dt_s)
                 return all(self._take_part(tools, dt_s / 2) for _ in range(2))
             self._take_back()
         share = self.share
         if share > 0.0:
             self._correct(dt_s)
-            self._has_moved = True
             self.system.keep_rows()
+            self._stuck.forget()
+        else:
+            self._stuck.note_rest(tools, dt_s)
         if self.watcher is not None:
             self.watcher.end(share * dt_s)
         return self._healer.watch() and (share == 1.0 or self._go_on(tools, dt_s, share))
 
     def _find_share(self, dt_s: float) -> float:
-        """Return how much of the solved motion is sound, in whole eighths of a part or in the shortest parts.
+        """Return how much of the solved motion is sound, in whole shortest parts or eighths, whichever is more.
+
+        In eighths, because a motion of ever smaller shares would never end.
 
         Without prices nothing tells how deep bodies are at a share: all of it counts.
         """
@@ -218,8 +219,8 @@ class Simulation:
             return 1.0
         share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share)
         self.solver.products += self._motion_share.looks * PRICING_PRODUCTS
-        quantum = max(0.125, SHORTEST_STEP_S / dt_s)
-        return share if share == 1.0 or quantum >= 1.0 else quantum * math.floor(share / quantum)
+        quantum = max(0.125, SHORTEST_STEP_S / dt_s) if dt_s >= 2.0 * SHORTEST_STEP_S else 0.125
+        return quantum * math.floor(share / quantum)
 
     def _take_back(self) -> None:
         """Take the motion of a part back to its sound share; at none of it, everything rests where it was."""
@@ -285,7 +286,7 @@ class Simulation:
         if self.wire_drive is not None:
             self.wire_drive.let_go()
         self._tool_force[:] = 0.0
-        self.share, self._has_moved = 1.0, True
+        self.share = 1.0
         self._use_rung(self.quality_level)
 
     @property

@@ -1,8 +1,9 @@
-"""Telling of a world in which nothing can move: it is not tried again until something about it has changed.
+"""What has been tried in vain from where a world rests: it is not tried again until something about it has changed.
 
-A tick of which nothing has happened leaves everything at rest where it was. If the next one with the same hands has the
-same end, so would all that follow: they begin with the same state. They are left out until a hand has moved by more
-than an overlap that is tolerated, which is what a try could find anew, or until a load or the state is another.
+Where nothing of a part of a step can happen, everything rests where it was. Another part of the same length, with the
+same hands, begins with the same state and has the same end, in this tick or in a later one. So it is divided at once,
+or does not happen. That holds until a hand has moved by more than an overlap that is tolerated, which is what a try
+could find anew, or until a load or the state is another.
 """
 
 from __future__ import annotations
@@ -17,12 +18,9 @@ from trocar.services.mechanics.compiled.memory import SavedArrays
 from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
 from trocar.services.mechanics.world import World
 
-#: Ticks without motion, one after the other, after which a world is stuck: the first may begin in motion.
-TICKS = 2
-
 
 class StuckWorld:
-    """Knows whether another tick would do nothing either.
+    """Keeps which lengths of a part have failed from the present rest.
 
     Args:
         tolerance_m: float. Motion of a hand that is too small to change anything.
@@ -38,48 +36,52 @@ class StuckWorld:
         jaws_m = tools.arrays.jaw_length
         self._least_m = tolerance_m
         self._least_rad = np.divide(tolerance_m, jaws_m, out=np.zeros_like(jaws_m), where=jaws_m > 0.0)
-        self._ticks, self._dt_s, self._holds = 0, 0.0, ()
-        self._present, self._place_m, self._turn_rad = _pose(ToolInputs())
+        self._rests, self._failed_s = False, set[float]()
+        self._present, self._place_m, self._turn_rad, self._holds = _pose(ToolInputs())
 
-    def is_stuck(self, hands: ToolInputs, dt_s: float) -> bool:
-        """Return whether a tick of this length with these hands would do nothing."""
-        if self._ticks < TICKS or dt_s != self._dt_s:
-            return False
-        return self._hands_rest(hands) and self._saved.are_as_saved()
+    def begin(self, hands: ToolInputs) -> None:
+        """Begin a tick with these hands; where anything is other than when the world came to rest, nothing is known."""
+        if self._rests and not (self._hands_rest(hands) and self._saved.are_as_saved()):
+            self.forget()
 
-    def note(self, hands: ToolInputs, dt_s: float, *, moved: bool) -> None:
-        """Enter a tick that has been tried, and whether anything has moved in it."""
-        if moved:
-            self._ticks = 0
-            return
-        if self._ticks == 0 or dt_s != self._dt_s or not self._hands_rest(hands) or not self._saved.are_as_saved():
-            self._ticks, self._dt_s, self._holds = 0, dt_s, _holds(hands.holds)
-            self._present, self._place_m, self._turn_rad = _pose(hands)
+    def fails(self, dt_s: float) -> bool:
+        """Return whether a part of this length has failed from here."""
+        return dt_s in self._failed_s
+
+    def note_failed(self, dt_s: float) -> None:
+        """Enter a part that was not sound as a whole, and has been undone."""
+        if self._rests:
+            self._failed_s.add(dt_s)
+
+    def note_rest(self, hands: ToolInputs, dt_s: float) -> None:
+        """Enter a part of which nothing has happened, so that everything rests. Only the first one began in motion."""
+        self.note_failed(dt_s)
+        if not self._rests:
+            self._rests = True
+            self._present, self._place_m, self._turn_rad, self._holds = _pose(hands)
             self._saved.save()
-        self._ticks += 1
 
     def forget(self) -> None:
-        """Let the next tick be tried: something that is no state has changed."""
-        self._ticks = 0
+        """Know nothing, because something has moved or is another."""
+        self._rests = False
+        self._failed_s.clear()
 
     def _hands_rest(self, hands: ToolInputs) -> bool:
-        present, place_m, turn_rad = _pose(hands)
+        present, place_m, turn_rad, holds = _pose(hands)
         moved_m, turned_rad = np.abs(place_m - self._place_m), np.abs(turn_rad - self._turn_rad)
         return bool(
             np.array_equal(present, self._present)
             and (moved_m <= self._least_m).all()
             and (turned_rad <= self._least_rad).all()
-            and _holds(hands.holds) == self._holds
+            and holds == self._holds
         )
 
 
-def _pose(hands: ToolInputs) -> tuple[AnyArray, FloatArray, FloatArray]:
-    """Return which tools are present, their positions (2, 3), and their angles (2, 2)."""
-    return hands.present.copy(), hands.position_m.copy(), np.stack([hands.roll_rad, hands.jaw_angle_rad])
+def _pose(hands: ToolInputs) -> tuple[AnyArray, FloatArray, FloatArray, tuple[Any, ...]]:
+    """Return which tools are present, their positions (2, 3), their angles (2, 2), and what tells their holds apart."""
+    angles_rad = np.stack([hands.roll_rad, hands.jaw_angle_rad])
+    return hands.present.copy(), hands.position_m.copy(), angles_rad, _names(hands.holds or ())
 
 
-def _holds(holds: Iterable[GraspHold] | None) -> tuple[Any, ...]:
-    """Return what tells these holds from others."""
-    if holds is None:
-        return ()
+def _names(holds: Iterable[GraspHold]) -> tuple[Any, ...]:
     return tuple((hold.hold_id, hold.tool, hold.limit_n) for hold in holds)

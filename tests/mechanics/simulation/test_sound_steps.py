@@ -133,26 +133,27 @@ def test_a_stuck_world_is_tried_again_only_when_a_hand_a_load_or_the_state_is_an
 
     def tries_of_a_tick():
         tries.clear()
-        before_s = simulation.withheld_s
+        before_s, before = simulation.withheld_s, simulation.catheter.state.position_m.copy()
         simulation.step(tools)
-        assert simulation.withheld_s == pytest.approx(before_s + 1e-3)
+        if not tries:
+            assert simulation.withheld_s == pytest.approx(before_s + 1e-3)
+            assert simulation.solver.products == 0
+            assert np.array_equal(before, simulation.catheter.state.position_m)
         return len(tries)
 
-    for _ in range(3):
-        tries_of_a_tick()
-    still = simulation.duct.state.q.copy(), simulation.catheter.state.position_m.copy()
-    assert [tries_of_a_tick() for _ in range(3)] == [0, 0, 0]
-    assert simulation.solver.products == 0
+    def is_left_alone():
+        """Whether that comes to be so: each tick may find a little motion that is sound, in parts that are shorter."""
+        return any(tries_of_a_tick() == 0 for _ in range(200)) and [tries_of_a_tick() for _ in range(3)] == [0, 0, 0]
+
+    assert tries_of_a_tick() == 1, "the products of a tick are spent by one try"
+    assert is_left_alone()
     tools.position_m[0, 0] += 10e-6
     assert tries_of_a_tick() == 0, "so little changes nothing"
     tools.position_m[0, 0] += 0.1e-3
     assert tries_of_a_tick() > 0, "a hand has moved"
-    assert [tries_of_a_tick() for _ in range(3)][-1] == 0
+    assert is_left_alone()
     simulation.catheter.constant_force_n[-1, 2] += 1e-9
     assert tries_of_a_tick() > 0, "a load is another"
-    assert [tries_of_a_tick() for _ in range(3)][-1] == 0
-    assert np.array_equal(still[0], simulation.duct.state.q)
-    assert np.array_equal(still[1], simulation.catheter.state.position_m)
 
 
 def test_a_stuck_world_moves_on_as_soon_as_there_is_a_sound_motion(without_rows, monkeypatch):
