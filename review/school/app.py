@@ -85,30 +85,19 @@ def _file_routes(bench: Bench) -> list[Route]:
 
     async def replay(request: Request) -> Response:
         attempt_id = request.path_params["attempt_id"]
-        try:
-            if request.method == "PUT":
-                data = await _body(request, MOST_BYTES)
-                await run_in_threadpool(bench.replays.keep, attempt_id, data)
-                return _json({"ok": True})
-            path = bench.replays.path(attempt_id)
-            data = await run_in_threadpool(path.read_bytes)
-        except FileNotFoundError:
-            return _json({"error": "this attempt has no pictures: no page saw it"}, 404)
-        except UserError as error:
-            return _json({"error": str(error)}, 400)
+        if request.method == "PUT":
+            data = await _body(request, MOST_BYTES)
+            await run_in_threadpool(bench.replays.keep, attempt_id, data)
+            return _json({"ok": True})
+        data = await run_in_threadpool(bench.replays.path(attempt_id).read_bytes)
         return Response(data, media_type="application/octet-stream")
 
     async def last_picture(request: Request) -> Response:
         attempt_id = request.path_params["attempt_id"]
-        try:
-            if request.method == "PUT":
-                bench.replays.keep_picture(attempt_id, await _body(request, _PICTURE_BYTES))
-                return _json({"ok": True})
-            return Response(bench.replays.picture(attempt_id).read_bytes(), media_type="image/jpeg")
-        except FileNotFoundError:
-            return _json({"error": "this attempt has no picture"}, 404)
-        except UserError as error:
-            return _json({"error": str(error)}, 400)
+        if request.method == "PUT":
+            bench.replays.keep_picture(attempt_id, await _body(request, _PICTURE_BYTES))
+            return _json({"ok": True})
+        return Response(bench.replays.picture(attempt_id).read_bytes(), media_type="image/jpeg")
 
     async def picture(request: Request) -> Response:
         if request.method == "PUT":
@@ -120,10 +109,26 @@ def _file_routes(bench: Bench) -> list[Route]:
         return _json({"error": "no page is open"}, 404) if image is None else Response(image, media_type="image/jpeg")
 
     return [
-        Route("/picture", picture, methods=["GET", "PUT"]),
-        Route("/last-picture/{attempt_id}", last_picture, methods=["GET", "PUT"]),
-        Route("/replay/{attempt_id}", replay, methods=["GET", "PUT"]),
+        Route("/picture", _with_files(picture), methods=["GET", "PUT"]),
+        Route("/last-picture/{attempt_id}", _with_files(last_picture), methods=["GET", "PUT"]),
+        Route("/replay/{attempt_id}", _with_files(replay), methods=["GET", "PUT"]),
     ]
+
+
+def _with_files(handle: Handler) -> Handler:
+    """Return a handler that says why a file cannot be taken or given."""
+
+    async def answer(request: Request) -> Response:
+        try:
+            return await handle(request)
+        except FileNotFoundError:
+            return _json({"error": "this attempt has no pictures: no page saw it"}, 404)
+        except UserError as error:
+            return _json({"error": str(error)}, 400)
+        except OSError as error:
+            return _json({"error": f"the pictures cannot be kept or read: {error.strerror or error}"}, 507)
+
+    return answer
 
 
 def _desk_routes(bench: Bench) -> list[Route]:
