@@ -21,6 +21,8 @@ from trocar.services.runtime.errors import UserError
 ROLE = "x-trocar-role"
 _WORDS_BYTES, _PICTURE_BYTES = 1 << 16, 1 << 20
 _KINDS = {"csv": "text/csv", "json": "application/json", "xapi": "application/json"}
+#: That a database can have given to an attempt.
+_LARGEST_NUMBER = 2**63 - 1
 Handler = Callable[[Request], Awaitable[Response]]
 
 
@@ -186,7 +188,10 @@ def _json(value: object, status: int = 200) -> Response:
 
 
 def _number(request: Request) -> int:
-    return int(request.path_params["number"])
+    number = int(request.path_params["number"])
+    if number > _LARGEST_NUMBER:
+        raise UserError("there is no attempt of that number")
+    return number
 
 
 async def _body(request: Request, most: int) -> bytes:

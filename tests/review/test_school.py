@@ -232,6 +232,15 @@ def test_what_is_too_long_is_refused_in_a_sentence(client: httpx.Client) -> None
     assert client.get("/pulse", headers=TRAINEE).status_code == 200
 
 
+@pytest.mark.parametrize("number", [0, 10**9, 10**30])
+def test_an_attempt_that_is_not_there_is_told(client: httpx.Client, number: int) -> None:
+    for answer in (
+        client.get(f"/attempts/{number}", headers=TRAINEE),
+        client.post(f"/attempts/{number}/bookmark", content=b'{"words": "here"}', headers=INSTRUCTOR),
+    ):
+        assert (answer.status_code, "attempt" in answer.json()["error"]) == (409, True)
+
+
 def test_a_full_disk_is_told_and_ends_nothing(
     client: httpx.Client, bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
