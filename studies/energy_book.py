@@ -47,7 +47,8 @@ class EnergyFlow:
         released_j: What holds had stored that were let go, and couplings of tools that came back elsewhere; less what
             holds come back with that had found no row for a while.
         numerical_j: What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance
-            and a wall that is squeezed, with what that loses where it slides out from between jaws.
+            and a wall that is squeezed, with what that loses where it slides out from between jaws. Also what the
+            residual compliance loses, or gains, as the sections of the wall turn under the same loads between steps.
     """
 
     input_j: float = 0.0
@@ -133,6 +134,7 @@ class EnergyBook:
         """
         if self._other is not None:
             self._other.begin()
+        self.simulation.duct.turn_sections()
         stored, again = stored_energies_j(self.simulation, self._rod), self._begun
         if again is not None:
             stored |= {"grips": again.grips.total_j, "anchors": again.anchors_j}

@@ -186,6 +186,14 @@ class DuctBody:
         self.dq_free += self._gains[0] * ended
         self.removed_half_impulse += self.dt_s * ended
 
+    def turn_sections(self) -> None:
+        """Turn the sections of a wall with large rotations to its present shape, as the next step begins with them.
+
+        The compliance beyond the modes turns along, and what it stores under the same loads with it. Nothing acts on
+        the modes for that: it is an error of the model.
+        """
+        self._motion.update(self.state.q)
+
     def hold(self, last: FloatArray, force: FloatArray) -> None:
         """Hold a modal force (r,) over the step in place of ``last`` (r,), which is overwritten by it.
 
