@@ -162,8 +162,9 @@ def run_session(process: Process, session: SessionOptions) -> None:
     rig = process.rig.model_dump_json()
     fingerprint = "" if certificate is None else certificate.fingerprint
     page_setup = PageSetup(
-        rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides
-    )
+        rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides,
+        (session.options.rig, session.options.overrides),
+    )  # fmt: skip
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
     with (
         closing(threads),
