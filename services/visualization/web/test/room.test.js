@@ -38,6 +38,12 @@ test("what crosses the round picture takes room from it, what is beside does not
   }
 });
 
+test("a box at the side is looked past where it would leave hardly any room", () => {
+  const panel = box(300, 50, 600, 200), corner = box(200, 260, 200, 140), hint = box(500, 450, 200, 200);
+  const room = roomBeside(VIEW, [panel, corner, hint]), [top, bottom] = [1 - (2 * 200) / 600, 1 - (2 * 400) / 600];
+  assert.ok(room.top < top && room.top > top - 0.1 && room.bottom > bottom && room.bottom < bottom + 0.1);
+});
+
 test("where hardly any room is left, the whole picture is used", () => {
   const room = roomBeside(VIEW, [box(300, 50, 600, 290), box(300, 360, 600, 290)]);
   assert.deepEqual([room.top, room.bottom], [MARGIN, -MARGIN]);

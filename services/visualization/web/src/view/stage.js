@@ -174,7 +174,7 @@ export class Stage {
   lookOver(points) {
     this.over = points;
     const low = points.map(([x, y]) => [x, y, this.mouth.z]); // where they will be lowered to
-    const seen = [this.mouth, ...[...points, ...low].map((point) => new THREE.Vector3(...point))];
+    const seen = [this.mouth.clone(), ...[...points, ...low].map((point) => new THREE.Vector3(...point))];
     const from = this.camera.position.clone().sub(this.controls.target).normalize();
     const turn = new THREE.Matrix4().lookAt(from, new THREE.Vector3(), this.camera.up); // to the right, up and back
     const back = turn.clone().transpose(), looked = seen.map((point) => point.applyMatrix4(back)).map(({ x, y, z }) => [x, y, -z]);

@@ -15,7 +15,7 @@ const LOOK_MS = 1000;
 const TIMED_EVERY = 10; // of so many pictures one is waited for, to know what it took
 
 const $ = (id) => document.getElementById(id);
-const over = () => [...document.querySelectorAll("#attempt, #tools li, .hud.bottom :is(.hands > *, .replay, .foot, .tools)")];
+const over = () => [...document.querySelectorAll("#attempt, #tools li, .hud.bottom :is(.hands > *, .replay, .tools)")];
 
 export class View {
   // onTurn(): what else is to be shown in a frame of the page; each frame costs a processor that draws, whatever is in it.
@@ -42,7 +42,7 @@ export class View {
     }
     this.stage.room = () => roomBeside($("view").getBoundingClientRect(), over().map((each) => each.getBoundingClientRect()));
     new ResizeObserver(() => this.resize()).observe($("view"));
-    for (const each of document.querySelectorAll("#view .hud")) new ResizeObserver(() => this.makeRoom()).observe(each);
+    for (const each of document.querySelectorAll(".hud.top, #hands, #replay")) new ResizeObserver(() => this.makeRoom()).observe(each);
     this.resize();
     this.bindButtons();
     this.say("Waiting for the view…");
