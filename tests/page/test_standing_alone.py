@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from tests import chromium
@@ -45,9 +46,11 @@ def test_the_colours_are_those_of_the_rigs_page() -> None:
 def _report(folder: Path) -> Path:
     found = assessed("20261130T0-a", CRUSHED)
     metrics = {"time_s": 20.0, "deepest_m": 0.01, "grasps": 3.0, "total": 220.0}
-    found = found.__class__(**{**{name: getattr(found, name) for name in found.__struct_fields__}, "metrics": metrics})
-    past = [Past(began_ns=k, outcome="success", counts=True, time_s=30.0 - k, total=200.0 + k, errors=1, metrics=metrics)
-            for k in range(4)]  # fmt: skip
+    found = msgspec.structs.replace(found, metrics=metrics)
+    past = [
+        Past(began_ns=k, outcome="success", counts=True, time_s=30.0 - k, total=200.0 + k, errors=1, metrics=metrics)
+        for k in range(4)
+    ]
     (folder / "report.html").write_text(render(found, load_rules(), past=past, trainee="heron-17"), encoding="utf-8")
     return folder / "report.html"
 
