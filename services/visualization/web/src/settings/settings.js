@@ -104,5 +104,5 @@ function listOf(files, none) {
   if (!files.length) return element("p", { textContent: none });
   const rows = files.map(({ name, bytes: size, at_s: at }) => element("tr", {}, ...[name, bytes(size), new Date(1000 * at).toLocaleString()].map((words) => element("td", { textContent: words }))));
   const head = element("tr", {}, ...["File", "Size", "Written"].map((words) => element("th", { textContent: t(words) })));
-  return element("div", { className: "scroll" }, element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows)));
+  return element("div", { className: "scroll", tabIndex: 0 }, element("table", { className: "plain" }, element("thead", {}, head), element("tbody", {}, ...rows)));
 }
