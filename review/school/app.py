@@ -19,6 +19,8 @@ from trocar.services.runtime.errors import UserError
 
 _PICTURE_BYTES = 1 << 20
 _KINDS = {"csv": "text/csv", "json": "application/json", "xapi": "application/json"}
+#: That a database can have given to an attempt.
+_LARGEST_NUMBER = 2**63 - 1
 
 
 def build_app(bench: Bench, settings: Settings | None = None) -> Starlette:
@@ -67,30 +69,19 @@ def _file_routes(bench: Bench) -> list[Route]:
 
     async def replay(request: Request) -> Response:
         attempt_id = request.path_params["attempt_id"]
-        try:
-            if request.method == "PUT":
-                data = await body_of(request, MOST_BYTES)
-                await run_in_threadpool(bench.replays.keep, attempt_id, data)
-                return as_json({"ok": True})
-            path = bench.replays.path(attempt_id)
-            data = await run_in_threadpool(path.read_bytes)
-        except FileNotFoundError:
-            return as_json({"error": "this attempt has no pictures: no page saw it"}, 404)
-        except UserError as error:
-            return as_json({"error": str(error)}, 400)
+        if request.method == "PUT":
+            data = await body_of(request, MOST_BYTES)
+            await run_in_threadpool(bench.replays.keep, attempt_id, data)
+            return as_json({"ok": True})
+        data = await run_in_threadpool(bench.replays.path(attempt_id).read_bytes)
         return Response(data, media_type="application/octet-stream")
 
     async def last_picture(request: Request) -> Response:
         attempt_id = request.path_params["attempt_id"]
-        try:
-            if request.method == "PUT":
-                bench.replays.keep_picture(attempt_id, await body_of(request, _PICTURE_BYTES))
-                return as_json({"ok": True})
-            return Response(bench.replays.picture(attempt_id).read_bytes(), media_type="image/jpeg")
-        except FileNotFoundError:
-            return as_json({"error": "this attempt has no picture"}, 404)
-        except UserError as error:
-            return as_json({"error": str(error)}, 400)
+        if request.method == "PUT":
+            bench.replays.keep_picture(attempt_id, await body_of(request, _PICTURE_BYTES))
+            return as_json({"ok": True})
+        return Response(bench.replays.picture(attempt_id).read_bytes(), media_type="image/jpeg")
 
     async def picture(request: Request) -> Response:
         if request.method == "PUT":
@@ -102,10 +93,26 @@ def _file_routes(bench: Bench) -> list[Route]:
         return as_json({"error": "no page is open"}, 404) if image is None else Response(image, media_type="image/jpeg")
 
     return [
-        Route("/picture", picture, methods=["GET", "PUT"]),
-        Route("/last-picture/{attempt_id}", last_picture, methods=["GET", "PUT"]),
-        Route("/replay/{attempt_id}", replay, methods=["GET", "PUT"]),
+        Route("/picture", _with_files(picture), methods=["GET", "PUT"]),
+        Route("/last-picture/{attempt_id}", _with_files(last_picture), methods=["GET", "PUT"]),
+        Route("/replay/{attempt_id}", _with_files(replay), methods=["GET", "PUT"]),
     ]
+
+
+def _with_files(handle: Handler) -> Handler:
+    """Return a handler that says why a file cannot be taken or given."""
+
+    async def answer(request: Request) -> Response:
+        try:
+            return await handle(request)
+        except FileNotFoundError:
+            return as_json({"error": "this attempt has no pictures: no page saw it"}, 404)
+        except UserError as error:
+            return as_json({"error": str(error)}, 400)
+        except OSError as error:
+            return as_json({"error": f"the pictures cannot be kept or read: {error.strerror or error}"}, 507)
+
+    return answer
 
 
 def _desk_routes(bench: Bench) -> list[Route]:
@@ -140,4 +147,7 @@ def _desk_routes(bench: Bench) -> list[Route]:
 
 
 def _number(request: Request) -> int:
-    return int(request.path_params["number"])
+    number = int(request.path_params["number"])
+    if number > _LARGEST_NUMBER:
+        raise UserError("there is no attempt of that number")
+    return number
