@@ -49,10 +49,18 @@ class SpeedGovernor:
             return
         self._counted_s = now_s
         if pictures_hz < LEAST_PICTURES_HZ + _COUNT_HZ:
-            self._ladder.observe(now_s, Load.OVER)
+            self._ladder.overdrawn(now_s)
+            if self._ladder.can_lower:
+                self._ladder.descend(*self._levels_down(pictures_hz))
         else:
             has_room = pictures_hz >= LEAST_PICTURES_HZ + 2.0 * _COUNT_HZ
             self._ladder.observe(now_s, Load.CALM if has_room else Load.FULL)
+
+    def _levels_down(self, pictures_hz: float) -> list[int]:
+        """Return the levels down to the speed that is too fast by no more than the pictures are too few."""
+        wanted = self.speed * pictures_hz / (LEAST_PICTURES_HZ + _COUNT_HZ)
+        level = next((k for k, speed in enumerate(self._speeds) if speed <= wanted), len(self._speeds) - 1)
+        return list(range(self._ladder.level + 1, level + 1))
 
     def forget_silent_page(self, now_s: float) -> None:
         """Return to full speed once no page tells of pictures any more."""
