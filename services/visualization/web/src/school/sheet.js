@@ -105,7 +105,7 @@ export class Sheet {
       this.player?.close();
       this.player = new Player(box, this.view()?.governor?.step ?? { ratio: 1, look: "coarse", shadows: false });
       this.player.show(tracks, [report.trainee, other?.trainee ?? ""], report);
-      if (!other && report.source && report.from_tick >= 0) box.append(this.goOn(report));
+      if (!other && report.source && report.from_tick >= 0) box.querySelector(".player").after(this.goOn(report));
       globalThis.trocar.player = this.player;
     } catch (error) {
       box.replaceChildren(element("p", { className: "message", textContent: error.message }));
