@@ -83,6 +83,7 @@ def report(
         "limits": found.limits,
         "bookmarks_s": found.bookmarks_s,
         "from_tick": found.from_tick,
+        "source": found.source,
         "simulated_time": found.simulated_time,
         "slowest": found.slowest,
         "examined": found.examined,

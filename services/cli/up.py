@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 
 from trocar.services.cli import targets, validation
 from trocar.services.cli.attempt import made_of
+from trocar.services.cli.moment import request_from
 from trocar.services.cli.status_display import StatusDisplay
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import DeviceError, UserError
@@ -52,7 +53,7 @@ class Run:
         self._request = request
         self._display = display
         self.report: run_report.RunReport | None = None
-        self.next_scenario = ""
+        self.next_scenario = self.next_moment = ""
         self.begins_again = False
         self.port = 0
 
@@ -63,7 +64,7 @@ class Run:
             self.port = urlsplit(supervisor.page_address).port or 0
         self.report.turn(now_s)
         self._display.turn(supervisor)
-        self.next_scenario = supervisor.next_scenario
+        self.next_scenario, self.next_moment = supervisor.next_scenario, supervisor.next_moment
         self.begins_again = supervisor.begins_again or bool(self.next_scenario)
         request = self._request
         is_over = request.seconds is not None and self.report.measured_s >= request.seconds
@@ -74,8 +75,9 @@ def run_up(request: UpRequest, fork_server: ForkServer) -> None:
     """Start the rig, stay until it ends, write the report whatever ended it.
 
     Where the page asks for another scenario that is run next, and where it asks for a new start the same with what its
-    files say by then, with the page's address and token as they are. What cannot be run is told, and what ran before
-    begins again.
+    files say by then, with the page's address and token as they are. Where it asks for a moment of a recorded attempt,
+    that is run next, and what comes after it is as if there had been none. What cannot be run is told, and what ran
+    before begins again.
     """
     targets.look_at_file("--json", request.json_file)
     options, token, remarks = request.options(), secrets.token_urlsafe(16), tuple(filter(None, [build.build_fault()]))
@@ -83,10 +85,14 @@ def run_up(request: UpRequest, fork_server: ForkServer) -> None:
         fork_server.begin()
         name = run.next_scenario
         other = replace(request, scene=None, scenario=name) if name else request
+        what = f"scenario {name}" if name else "the moment" if run.next_moment else "the rig"
         try:
-            options, request, remarks = other.options(), other, ()
+            if run.next_moment:
+                options, remarks = request_from(request, run.next_moment).options(), ()
+            else:
+                options, request, remarks = other.options(), other, ()
         except UserError as error:
-            remarks = (f"{f'scenario {name}' if name else 'the rig'} cannot be run: {error}",)
+            remarks = (f"{what} cannot be run: {error}",)
         options = replace(options, overrides=(*options.overrides, f"supervisor.web.port={run.port}"))
 
 

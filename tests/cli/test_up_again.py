@@ -15,7 +15,7 @@ PORT = 8123
 
 
 def run(begins_again: bool, scenario: str = "") -> Mock:
-    return Mock(begins_again=begins_again, next_scenario=scenario, port=PORT)
+    return Mock(begins_again=begins_again, next_scenario=scenario, next_moment="", port=PORT)
 
 
 @pytest.fixture

@@ -158,6 +158,25 @@ def test_own_attempts_are_listed_and_two_are_seen_side_by_side(page: SchoolPage)
     page.press("#sheet-close")
 
 
+def test_own_hands_go_on_from_a_second_of_an_attempt(page: SchoolPage) -> None:
+    enter(page)
+    page.bench.trainee = page.browser.text("#who")
+    folder = page.context.rig.recorder.directory
+    folder.mkdir(exist_ok=True)
+    (folder / "own.mcap").write_bytes(b"")
+    page.bench.replays.keep("20261130T2-a", replay())
+    page.bench.take(assessed("20261130T2-a"), folder / "own.mcap")
+    page.browser.evaluate(f"trocar.school.sheet.report({page.bench.state()['last']})")
+    page.until("Boolean(trocar.player?.tracks?.length) && document.getElementById('go-on') !== null", "the replay")
+    page.browser.evaluate("trocar.player.go(3)")
+    page.press("#go-on")
+    page.until(
+        "document.getElementById('go-on-said').textContent.startsWith('The rig runs your attempt')", "it is told"
+    )
+    assert (page.asked[-1].what, page.asked[-1].line) == ("take_over", "own.mcap 3000 basic")
+    page.press("#sheet-close")
+
+
 @pytest.mark.parametrize(("scheme", "width", "height"), [
     (scheme, *size) for scheme in ("dark", "light") for size in ((390, 844), (1280, 800), (1920, 1080))
 ])  # fmt: skip

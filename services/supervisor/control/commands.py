@@ -16,7 +16,7 @@ import trocar.protocol.bodies as bodies
 if TYPE_CHECKING:
     from trocar.services.supervisor.control.supervisor import Supervisor
 
-What = Literal["arm", "safe_stop", "attempt", "replay", "switch", "restart"]
+What = Literal["arm", "safe_stop", "attempt", "replay", "switch", "restart", "take_over"]
 Reply = Callable[[bodies.Answer], object]
 #: A command is answered this long before its sender gives up, whatever is known by then.
 _EARLY_S = 0.6
@@ -27,7 +27,8 @@ _OUTCOME_S = 0.5
 class Command(msgspec.Struct, frozen=True, kw_only=True):
     """A person's command to a run of the rig, with a deadline in its time.
 
-    An `order` is for the attempt; a `line` is for the shown recording, or names the scenario to switch to. Without an
+    An `order` is for the attempt; a `line` is for the shown recording, or names the scenario to
+    switch to, or the recording and tick to go on from. Without an
     `incarnation` it is for no run until its sender has learnt the present one (`control.ask`).
     """
 
@@ -96,6 +97,8 @@ class Commands:
                 self._rig.switch(command.line, command.who)
             case "restart":
                 self._rig.restart(command.who)
+            case "take_over":
+                self._rig.take_over(command.line, command.who)
 
     def _outcome(self, command: Command, asked_s: float, ends: bool) -> bodies.Answer | None:
         """Return the outcome of a command, None while it is undecided."""
@@ -103,7 +106,7 @@ class Commands:
             return self._at_the_hands(command.what, asked_s, ends)
         if command.order is not None:
             return self._of_the_attempt(command.order, ends)
-        begins = {"switch": command.line, "restart": "the rig"}.get(command.what)
+        begins = {"switch": command.line, "restart": "the rig", "take_over": "the moment"}.get(command.what)
         return _answer(True, f"{begins} begins: a few seconds." if begins else "done")
 
     def _at_the_hands(self, what: What, asked_s: float, ends: bool) -> bodies.Answer | None:

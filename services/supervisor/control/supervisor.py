@@ -67,7 +67,7 @@ class Supervisor:
         self.started_s = now_s
         self.incarnation = new_incarnation()
         self.commands = Commands(self)
-        self.page_address = self.next_scenario = ""
+        self.page_address = self.next_scenario = self.next_moment = ""
         self.begins_again = False
         self.token_sha256 = ""
         self.start_notice = ""  # what a person should know while it starts
@@ -124,6 +124,11 @@ class Supervisor:
         """Request the end of this session and a new one with another scenario; `who` requested it."""
         self.say("info", f"supervisor: scenario {scenario} asked for by {who}")
         self.next_scenario = scenario
+
+    def take_over(self, moment: str, who: str) -> None:
+        """Request the end of this session and one that goes on from a recording's tick; `who` requested it."""
+        self.say("info", f"supervisor: to go on from {moment} is asked for by {who}")
+        self.next_moment, self.begins_again = moment, True
 
     def restart(self, who: str) -> None:
         """Request the end of this session and a new one with what its files say by then; `who` requested it."""

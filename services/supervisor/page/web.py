@@ -36,6 +36,7 @@ EVENT_PERIOD_S = 0.2
 _ORDER_BYTES, _LINE_BYTES = 1024, 32
 _REPLAY_HEADER = "X-Trocar-Replay"
 _BEFORE_HEADER, _BEFORE = "X-Trocar-Before", re.compile(r"([0-9]{1,15}) ([0-9]{1,9}(?:\.[0-9]{1,9})?)")
+_MOMENT = re.compile(r"([\w-]{1,128}\.mcap) ([0-9]{1,12}) ([\w-]{1,64})", re.ASCII)
 #: A host as a Content-Security-Policy can name it, which an IPv6 address is not.
 _PLAIN_HOST = re.compile(r"[a-z0-9-]+(\.[a-z0-9-]+)*")
 #: Place of the rig's data in the built page.
@@ -98,6 +99,7 @@ def build_app(context: PageContext) -> Starlette:
         Route("/api/replay", page.replay, methods=["POST"]),
         Route("/api/scenario", page.scenario, methods=["POST"]),
         Route("/api/restart", page.restart, methods=["POST"]),
+        Route("/api/take_over", page.take_over, methods=["POST"]),
         Route("/school/{path:path}", page.school, methods=["GET", "POST", "PUT"]),
         Route("/metrics", page.metrics),
         Route("/healthz", page.healthz),
@@ -182,6 +184,7 @@ class _Endpoints:
             "scenarios": scenario_names(),
             "scenario": self._scenario,
             "switches": self._context.switches,
+            "goes_on_from": rig.replay.file.name if rig.replay is not None else "",
             "contracts": rig.contracts.model_dump(mode="json"),
         }
 
@@ -238,6 +241,20 @@ class _Endpoints:
         if self._role(request) != "instructor":
             return JSONResponse({"error": "only an instructor, with the class's token, may start the rig anew"}, 403)
         return self._no_switch() or await self._ask(request, "restart")
+
+    async def take_over(self, request: Request) -> Response:
+        """End the present run, and run a recording of this rig again up to a tick, at which hands take over.
+
+        The body is the recording's name, the tick and the attempt's scenario.
+        """
+        if (refusal := self._refusal(request) or self._no_switch()) is not None:
+            return refusal
+        line = (await _short(request)).decode("utf-8", "replace")
+        if (asked := _MOMENT.fullmatch(line)) is None or asked[3] not in scenario_names():
+            return JSONResponse({"error": "a recording, a tick and a scenario must be named"}, 400)
+        if not (self._context.rig.recorder.directory / asked[1]).is_file():
+            return JSONResponse({"error": f"the recording {asked[1]} is not at this rig"}, 409)
+        return await self._ask(request, "take_over", line=line)
 
     def _no_switch(self) -> Response | None:
         if self._context.switches:

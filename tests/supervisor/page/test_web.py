@@ -374,6 +374,23 @@ def test_a_rig_that_nobody_begins_anew_is_not_switched(context: PageContext, ask
     assert [each.line for each in asked.commands] == ["narrow"]
 
 
+def test_a_rig_goes_on_from_a_moment_of_a_recording_that_is_its_own(
+    context: PageContext, asked: Asked, tmp_path: Path
+) -> None:
+    context.rig = context.rig.model_copy(
+        update={"recorder": context.rig.recorder.model_copy(update={"directory": tmp_path})}
+    )
+    (tmp_path / "one.mcap").write_bytes(b"")
+    context.switches, token = True, _may(context)
+    client = Client(build_app(context))
+    for line, status in ((b"../one.mcap 5 basic", 400), (b"one.mcap 5 nothing", 400), (b"two.mcap 5 basic", 409)):
+        assert client.post("/api/take_over", token, line).status_code == status
+    assert client.post("/api/take_over", {}, b"one.mcap 5 basic").status_code == 403
+    assert asked.commands == []
+    assert client.post("/api/take_over", token, b"one.mcap 5 basic").status_code == 200
+    assert [(each.what, each.line) for each in asked.commands] == [("take_over", "one.mcap 5 basic")]
+
+
 def test_only_an_instructor_begins_the_rig_anew(context: PageContext, asked: Asked) -> None:
     context.class_token = "of the class"
     instructor = {**_may(context), "X-Trocar-Token": context.class_token}

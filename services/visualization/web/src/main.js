@@ -76,7 +76,7 @@ function follow(rig) {
 
 new RigStream({
   onRig: (rig) => {
-    const begun = `${rig.name} ${rig.scene} ${rig.scenario}`;
+    const begun = `${rig.name} ${rig.scene} ${rig.scenario} ${rig.goes_on_from ?? ""}`;
     if (running && running !== begun) return location.reload(); // another scenario: nothing of the last one is kept
     running = begun;
     document.getElementById("rig-name").textContent = [rig.name, rig.scene].filter(Boolean).join(" · ");

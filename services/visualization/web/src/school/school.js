@@ -20,7 +20,8 @@ export class SchoolPage {
     this.keeper = new Keeper(this.school);
     this.coach = new Coach(view, this.school);
     this.practice = new Practice(hands, view, () => this.practised());
-    this.sheet = new Sheet(this.school, view, { onNext: (step) => this.begin(step), onAgain: () => this.again() });
+    this.sheet = new Sheet(this.school, view, { onNext: (step) => this.begin(step), onAgain: () => this.again(), onMoment: (line) => this.orders.post("api/take_over", line) });
+    $("moment-back").onclick = () => this.orders.post("api/scenario", this.rig.scenario);
     this.state = null;
     this.handled = null;
     $("who").onclick = () => this.welcome();
@@ -45,6 +46,7 @@ export class SchoolPage {
 
   setRig(rig) {
     this.rig = rig;
+    $("moment").hidden = !rig.goes_on_from;
     this.listen();
   }
 

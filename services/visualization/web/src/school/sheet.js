@@ -12,8 +12,9 @@ const LEAD_S = 2;
 
 export class Sheet {
   // school: who knows; view(): as it is now; onNext(): what "next task" does; onAgain(): the same task again
-  constructor(school, view, { onNext, onAgain }) {
-    Object.assign(this, { school, view, onNext, onAgain });
+  // onMoment(line): goes on from a moment of a recording
+  constructor(school, view, { onNext, onAgain, onMoment }) {
+    Object.assign(this, { school, view, onNext, onAgain, onMoment });
     $("sheet-close").onclick = () => this.close();
     addEventListener("keydown", (event) => event.key === "Escape" && this.open && this.close());
   }
@@ -104,10 +105,21 @@ export class Sheet {
       this.player?.close();
       this.player = new Player(box, this.view()?.governor?.step ?? { ratio: 1, look: "coarse", shadows: false });
       this.player.show(tracks, [report.trainee, other?.trainee ?? ""], report);
+      if (!other && report.source && report.from_tick >= 0) box.querySelector(".player").after(this.goOn(report));
       globalThis.trocar.player = this.player;
     } catch (error) {
       box.replaceChildren(element("p", { className: "message", textContent: error.message }));
     }
+  }
+
+  // Own hands go on from the second that is shown.
+  goOn({ source, from_tick: first, scenario }) {
+    const said = element("p", { id: "go-on-said", className: "small", role: "status" });
+    const button = element("button", { id: "go-on", className: "action", textContent: t("Go on from here yourself"), onclick: async () => {
+      const answer = await this.onMoment(`${source} ${first + Math.round(1000 * this.player.second)} ${scenario}`);
+      text(said, answer.ok ? t("The rig runs your attempt again up to here; then the instruments are yours.") : answer.text);
+    } });
+    return element("div", { className: "controls" }, button, said);
   }
 
   // All attempts of a trainee: open one, or choose two to see side by side.

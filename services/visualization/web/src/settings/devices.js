@@ -54,7 +54,7 @@ export class Devices {
     const again = element("button", { id: "felt-begin", textContent: t("Begin the test"), onclick: () => this.begin() });
     this.begin();
     return [
-      element("section", {}, element("h2", { textContent: t("Instruments of this rig") }), element("div", { className: "scroll" }, element("table", { className: "plain" }, element("thead", {}, head), element("tbody", {}, ...rows))), element("div", { className: "controls" }, ask), this.found),
+      element("section", {}, element("h2", { textContent: t("Instruments of this rig") }), element("div", { className: "scroll", tabIndex: 0 }, element("table", { className: "plain" }, element("thead", {}, head), element("tbody", {}, ...rows))), element("div", { className: "controls" }, ask), this.found),
       element("section", {}, element("h2", { textContent: t("Felt test") }), element("p", { className: "small", textContent: t("One hand at the arm, the other at Safe stop (Escape). Each step is ticked when it is seen.") }), this.list, this.read, element("div", { className: "controls" }, again)),
       element("section", {}, element("h2", { textContent: t("What the rig says of its devices") }), this.events),
     ];

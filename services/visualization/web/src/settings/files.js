@@ -76,8 +76,10 @@ export class Files {
   }
 
   async read() {
-    const kind = this.kind.value, name = this.name.value;
-    this.file = { kind, name, ...(await this.school.ask(`settings/files/${kind}/${name}`)) };
+    const kind = this.kind.value, name = this.name.value, asked = (this.reading = {});
+    const found = await this.school.ask(`settings/files/${kind}/${name}`);
+    if (asked !== this.reading) return; // another file was chosen since
+    this.file = { kind, name, ...found };
     this.text.value = this.file.text;
     await this.check();
   }

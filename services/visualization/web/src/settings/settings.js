@@ -13,10 +13,8 @@ const TABS = { files: "Files", devices: "Devices", disk: "Recordings", logs: "Lo
 export class SettingsPage {
   // orders: of the attempt, for a new start; sheet: where it is shown; view(): as it is now
   constructor(orders, sheet, view) {
-    Object.assign(this, { orders, sheet });
+    Object.assign(this, { orders, sheet, view });
     this.school = new School();
-    this.files = new Files(this.school, () => this.startAnew());
-    this.devices = new Devices(this.school, view);
     $("settings-open").onclick = () => this.open("files");
   }
 
@@ -29,17 +27,21 @@ export class SettingsPage {
   update(state) {
     if (this.before !== undefined && state.incarnation !== this.before) location.reload(); // it has begun anew
     this.incarnation = state.incarnation;
-    if (this.sheet.open) this.devices.update(state);
+    if (this.sheet.open) this.devices?.update(state);
   }
 
+  // Shows a part; one that is asked for later overtakes it.
   async open(tab) {
+    const asked = (this.asked = {});
+    this.devices = null;
     this.sheet.show(t("Settings"));
     const tabs = element("div", { className: "tabs settings-tabs", role: "tablist" }, ...Object.entries(TABS).map(([name, words]) => this.tab(name, words, tab)));
     const body = element("div", { className: "settings" });
     $("sheet-body").replaceChildren(element("div", { className: "wide" }, tabs, body));
     body.replaceChildren(element("p", { className: "small", role: "status", textContent: t("Loading…") }));
     try {
-      body.replaceChildren(...(await this[`show_${tab}`]()));
+      const shown = await this[`show_${tab}`]();
+      if (asked === this.asked) body.replaceChildren(...shown);
     } catch (error) {
       body.replaceChildren(element("p", { className: "message", role: "alert", textContent: error.message }));
     }
@@ -52,11 +54,13 @@ export class SettingsPage {
   }
 
   async show_files() {
-    return this.files.show(await this.school.ask("settings"));
+    return new Files(this.school, () => this.startAnew()).show(await this.school.ask("settings"));
   }
 
   async show_devices() {
-    return this.devices.show((await this.school.ask("settings")).running);
+    const { running } = await this.school.ask("settings");
+    this.devices = new Devices(this.school, this.view);
+    return this.devices.show(running);
   }
 
   async show_disk() {
@@ -104,5 +108,5 @@ function listOf(files, none) {
   if (!files.length) return element("p", { textContent: none });
   const rows = files.map(({ name, bytes: size, at_s: at }) => element("tr", {}, ...[name, bytes(size), new Date(1000 * at).toLocaleString()].map((words) => element("td", { textContent: words }))));
   const head = element("tr", {}, ...["File", "Size", "Written"].map((words) => element("th", { textContent: t(words) })));
-  return element("div", { className: "scroll" }, element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows)));
+  return element("div", { className: "scroll", tabIndex: 0 }, element("table", { className: "plain" }, element("thead", {}, head), element("tbody", {}, ...rows)));
 }
