@@ -29,7 +29,7 @@ from trocar.services.scenes.ready import load_duct
 PUSH_M_S, BEFORE_M, PUSHED_M = 20e-3, 4e-3, 32e-3
 TURN_RAD, TURNS_A_SECOND = 1.5, 1.0
 _SCENE = {
-    "duct": {"cystic": {}, "thickness_m": 0.8e-3, "youngs_modulus_pa": 300e3, "n_modes": 40},
+    "duct": {"cystic": {}, "thickness_m": 0.8e-3, "youngs_modulus_pa": 500e3, "n_modes": 40},
     "catheter": {
         "product": "cholangiography_5fr", "length_m": 0.1, "n_segments": 50, "before_mouth_m": BEFORE_M,
         "introducer_to_tip_m": 6e-3, "introducer_length_m": 0.09,

@@ -105,7 +105,7 @@ def _about_the_duct() -> Iterator[None]:
 
 def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Collection[Effect]) -> DuctRecipe:
     """Return the recipe of the duct: ``effects``, in order, modify the wall's section and may request further modes."""
-    section = wall_section(scene.duct)
+    section = wall_section(scene.duct, mesh)
     for effect in by_stage(effects)["modify_section"]:
         section = effect.modify_section(section)
     n_local_modes = max((effect.n_local_modes for effect in effects), default=0)
