@@ -273,10 +273,13 @@ def cystic_duct() -> str:
         "  meanwhile, so that its limbs pass each other.",
         "- `take_off_rad` is the angle between the cystic duct and the part of the common duct towards the liver.",
         "- `folds` are turns of one fold that winds round the half towards the gallbladder (pars spiralis, from 5",
-        "  mm behind the mouth on), the rest is smooth (pars glabra). The fold is thrown into the wall itself: it",
-        "  is meshed with the wall's elements, touches as the wall does, and bends with it. How stiff it is, and what",
-        "  force it puts in a catheter's way, has not been compared with tissue. `fold_height` is its share of the",
-        "  lumen's radius. By default four edges of the mesh go from one turn to the next.",
+        "  mm behind the mouth on), the rest is smooth (pars glabra); 32 of 46 ducts of cadavers had folds, most of",
+        "  them uniform and oblique (Pina et al.). Turns are at least 2 mm apart: no more are drawn than have room.",
+        "  `fold_height` is a fold's share of the lumen's radius there. A fold is solid: the mesh follows its inside,",
+        "  which touches as the wall does, and its elements are thicker than the wall by as much as it is high. It is",
+        "  1.25 walls wide at half its height. Only where there are folds the mesh is fine. [What they do to a",
+        "  catheter](../results/cystic-folds.md).",
+        "- `effects.traction` pulls at the mouth, as a hand does at the neck of the gallbladder.",
         "",
     ]
     return "\n".join(lines)
