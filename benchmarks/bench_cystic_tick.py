@@ -91,8 +91,8 @@ def main(seeds: list[int]) -> None:
         f"Made by `python benchmarks/bench_cystic_tick.py`, {datetime.now(UTC):%Y-%m-%d}, code {code_version(ROOT)}, "
         f"{processor_name()}; do not edit by hand.",
         "",
-        "Ticks of the default scene and of a push through the folds alternate in one process. Times are in us; the ratio",
-        "is that of the medians.",
+        "Ticks of the default scene and of a push through the folds alternate in one process. Times are in us; the",
+        "ratio is that of the medians.",
         "",
         "| duct | tick: median, mean, 99 % | of the default scene | ratio |",
         "| --- | --- | --- | --- |",
