@@ -21,11 +21,12 @@ _ROOT = Path(__file__).resolve().parents[1]
 _STEP_MM = 2.0
 _WHAT = """\
 A drive pushes a 5 Fr catheter, its last 15 mm bent by 21°, into [drawn cystic ducts](../reference/cystic-duct.md) at
-20 mm/s, from an introducer without friction or seal: what the hand feels is the tissue's alone. The wall is 0.8 mm
-thick and has a modulus of 500 kPa (porcine bile duct: shear 166 ± 67 kPa, PMC6925591, from Duch 2004). Assumptions are
-friction of 0.1, the bend of the tip, and the {limit_mn:.0f} mN at which a hand gives up. A hand that turns draws back
-3 mm there, turns by 137.5° and tries again, up to eight times; one that pulls does so with 0.29 N on the neck
-(`effects.traction`). An insertion has passed when the tip is 2 mm beyond the folds.
+20 mm/s, from an introducer without friction or seal: what the hand feels is the tissue's alone. The neck is held. The
+wall has a modulus of 500 kPa (porcine bile duct: shear 166 ± 67 kPa, PMC6925591, from Duch 2004). Assumptions are its
+1 mm, as in the default scene, friction of 0.1, the bend of the tip, and the {limit_mn:.0f} mN at which a hand gives up.
+A hand that turns draws back 3 mm there, turns by 137.5° and tries again, up to eight times; one that pulls has pulled
+the neck with 0.29 N before and holds it there (`duct.traction_n`). An insertion has passed when the tip is 2 mm beyond
+the folds.
 """
 
 

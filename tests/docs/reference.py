@@ -279,7 +279,9 @@ def cystic_duct() -> str:
         "  which touches as the wall does, and its elements are thicker than the wall by as much as it is high. It is",
         "  1.25 walls wide at half its height. Only where there are folds the mesh is fine. [What they do to a",
         "  catheter](../results/cystic-folds.md).",
-        "- `effects.traction` pulls at the mouth, as a hand does at the neck of the gallbladder.",
+        "- `duct.traction_n` is the pull of a hand that holds the neck of the gallbladder, at the mouth: a pulled",
+        "  duct is straighter and longer, its folds flatter. Without it the mouth is free, and so soft that folds",
+        "  give way as a whole.",
         "",
     ]
     return "\n".join(lines)

@@ -20,7 +20,6 @@ from trocar.services.mechanics.effects.mucus_drag import MucusDrag
 from trocar.services.mechanics.effects.nonlinear_membrane import NonlinearMembrane
 from trocar.services.mechanics.effects.self_contact import SelfContact
 from trocar.services.mechanics.effects.softening import Softening
-from trocar.services.mechanics.effects.traction import Traction
 from trocar.services.mechanics.effects.twist import Twist
 from trocar.services.mechanics.effects.viscoelasticity import Viscoelasticity
 from trocar.services.mechanics.scene import SceneModel
@@ -44,7 +43,6 @@ EFFECTS: dict[str, EffectEntry] = {
     "anisotropy": EffectEntry(Anisotropy, "a wall stiffer round the duct than along it"),
     "large_rotations": EffectEntry(LargeRotations, "a duct that keeps its shape when it is bent far"),
     "insufflation": EffectEntry(Insufflation, "gas pressure outside against the pressure in the lumen"),
-    "traction": EffectEntry(Traction, "a constant pull at the neck, on the rim of the mouth"),
     "gravity": EffectEntry(Gravity, "weight of catheter, stones and, if wanted, wall"),
     "twist": EffectEntry(Twist, "torsion of the catheter; rest curvature turns with it"),
     "viscoelasticity": EffectEntry(

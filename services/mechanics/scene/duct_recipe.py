@@ -12,6 +12,8 @@ from trocar.services.mechanics.scene.duct_tubes import duct_tubes
 from trocar.services.mechanics.scene.scene_model import DuctScene
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 
+MOUTH = "mouth"
+
 
 def wall_section(duct: DuctScene, mesh: TriangleMesh | None = None) -> ShellSection:
     """Return thickness and material of the wall, the same in every direction and, but for folds, everywhere.
@@ -32,4 +34,5 @@ def duct_recipe(duct: DuctScene, mesh: TriangleMesh, section: ShellSection | Non
     bending = bending_of_wall(mesh, section) if duct.bending == "auto" else duct.bending
     elements = ElementChoice(membrane=duct.membrane, bending=bending)
     residual = ResidualChoice(kind=duct.residual)
-    return DuctRecipe(mesh, section, (clamp(mesh),), duct.n_modes, elements, residual)
+    supports = (clamp(mesh),) if duct.traction_n is None else (clamp(mesh), clamp(mesh, MOUTH))
+    return DuctRecipe(mesh, section, supports, duct.n_modes, elements, residual)

@@ -7,7 +7,6 @@ import pytest
 from effect_runs import PRESSED_M, come_down, run
 
 from trocar.services.mechanics.bodies.wall_terms import terms_of
-from trocar.services.mechanics.effects.traction import TractionSettings
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
@@ -30,31 +29,6 @@ def test_insufflation_moves_the_wall_by_the_static_solution(with_effects, small_
     expected = 100.0 * 4e-3**2 / (300e3 * 1e-3)
     assert grown.mean() == pytest.approx(expected, rel=0.1)
     assert np.abs(simulation.duct.state.qdot).max() < 1e-12
-
-
-@pytest.mark.parametrize("direction", [None, (1.0, 2.0, 0.0)])
-def test_traction_moves_the_wall_by_the_static_solution(with_effects, small_scene, cache_dir, direction):
-    """The pull is shared out along the rim, is as large as it is said to be, and stretches the tube by F L / E A."""
-    scene = with_effects(traction={"force_n": 0.1, "direction": direction})
-    duct, bare = build_scene_duct(scene, cache_dir), build_scene_duct(small_scene, cache_dir).mesh
-    simulation = run(scene, duct, ticks=20)
-    load_n = simulation.effects["traction"].constant_load_n(bare)
-    away = np.array(direction or (1.0, 0.0, 0.0))
-    assert load_n.sum(axis=0) == pytest.approx(0.1 * away / np.linalg.norm(away), abs=1e-9)
-    moved_m = duct.mesh.vertices_m + duct.basis.displacements(simulation.duct.state.q) - bare.vertices_m
-    expected_m = duct.recipe.model().solve_static(load_n).displacement_m
-    assert moved_m == pytest.approx(expected_m, abs=1e-3 * np.abs(expected_m).max())
-    if direction is None:
-        area_m2 = 2.0 * np.pi * scene.duct.radius_m * scene.duct.thickness_m
-        strain = 0.1 / (scene.duct.youngs_modulus_pa * area_m2)
-        assert moved_m[bare.vertex_sets["mouth"], 0].mean() == pytest.approx(strain * scene.duct.length_m, rel=0.02)
-
-
-def test_traction_refuses_a_pull_that_is_none():
-    with pytest.raises(ValueError, match="force_n must not be negative"):
-        TractionSettings(force_n=-1.0)
-    with pytest.raises(ValueError, match="direction must not be zero"):
-        TractionSettings(direction=(0.0, 0.0, 0.0))
 
 
 def test_viscoelastic_wall_relaxes_under_a_held_tool(with_effects, small_duct):
