@@ -29,8 +29,8 @@ from trocar.services.scenes.ready import load_duct
 from trocar.studies.cystic_folds_page import write_page
 
 PACE_M_S, BEFORE_M = 20e-3, 4e-3
-LIMIT_N = 0.3
-"""Assumption: at which a hand stops pushing; no figure was found of what surgeons allow themselves."""
+LIMIT_N = 0.2
+"""Assumption: at which a hand stops pushing, ten times what the default scene's seal takes. No figure was found."""
 BACK_M, TURN_RAD, TURN_RAD_S, MOST_TRIES = 3e-3, 2.4, 3.0, 8
 """How a hand tries again: it draws back, and turns by the golden angle, so that tries cover the circle evenly."""
 TRACTION_N = 0.29
