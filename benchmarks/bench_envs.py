@@ -51,7 +51,7 @@ def main() -> None:
         found = [play(*_call(seed, quality=quality)) for seed in range(n)]  # type: ignore[arg-type]
         rows.append(Row(f"real time, {name}", _real_time(found), "x", limit, at_least=True))
     rows += [_rate("1 process", 2 * n, 1), _rate("2 processes", 2 * n, 2)]
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
         rows.append(_rate("local Dask cluster, 2 workers", 2 * n, 2, cluster.scheduler_address))
     write_report("envs", "Environments", rows, NOTES.format(rated=2 * n))
 

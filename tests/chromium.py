@@ -26,7 +26,7 @@ _LEFT = ("context", "navigated")
 
 #: What a browser of a container needs, and what keeps it from doing anything but the page.
 _OPTIONS = (
-    "--headless=new", "--no-sandbox", "--disable-gpu-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader",
     "--remote-debugging-port=0", "--remote-allow-origins=*", "--no-first-run", "--disable-extensions",
     "--disable-background-networking", "--disable-component-update", "--disable-sync", "--mute-audio",
     "--disable-dev-shm-usage", "--hide-scrollbars",

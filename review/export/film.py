@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import cast
@@ -10,7 +11,7 @@ import numpy as np
 
 from trocar.protocol import Frame
 from trocar.review.export.fluoroscopy import open_renderer
-from trocar.review.export.pictures import CODEC, PIXELS, use_no_display
+from trocar.review.export.pictures import CODEC, PIXELS
 from trocar.services.cli.rerun import load
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
@@ -19,6 +20,7 @@ from trocar.services.recordings.inputs import RecordedInputs
 from trocar.services.recordings.reader import read_extras, read_frames
 from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.errors import MissingPackageError
+from trocar.services.start.off_screen import draw_off_screen
 from trocar.services.visualization.composer import Composer
 
 
@@ -39,7 +41,7 @@ def write_film(
 
     Raises RecordingError if it cannot be drawn, MissingPackageError if a package is not installed.
     """
-    use_no_display()
+    draw_off_screen(os.environ)
     scene, name, duct = recorded_scene(path)
     try:
         import av

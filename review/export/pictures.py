@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -13,11 +12,6 @@ Image = npt.NDArray[np.uint8]
 CODEC, PIXELS = "libx264", "yuv420p"
 #: Every so many pictures one is whole, so that a learner finds any of them quickly.
 _KEY_PICTURES = 2
-
-
-def use_no_display() -> None:
-    """Let VTK draw off the screen, or it complains that there is no display."""
-    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
 def write_pictures(path: Path, pictures: Iterable[Image], rate_hz: int) -> None:

@@ -21,6 +21,8 @@ from trocar.services.runtime.errors import UserError
 ROLE = "x-trocar-role"
 _WORDS_BYTES, _PICTURE_BYTES = 1 << 16, 1 << 20
 _KINDS = {"csv": "text/csv", "json": "application/json", "xapi": "application/json"}
+#: That a database can have given to an attempt.
+_LARGEST_NUMBER = 2**63 - 1
 Handler = Callable[[Request], Awaitable[Response]]
 
 
@@ -85,30 +87,19 @@ def _file_routes(bench: Bench) -> list[Route]:
 
     async def replay(request: Request) -> Response:
         attempt_id = request.path_params["attempt_id"]
-        try:
-            if request.method == "PUT":
-                data = await _body(request, MOST_BYTES)
-                await run_in_threadpool(bench.replays.keep, attempt_id, data)
-                return _json({"ok": True})
-            path = bench.replays.path(attempt_id)
-            data = await run_in_threadpool(path.read_bytes)
-        except FileNotFoundError:
-            return _json({"error": "this attempt has no pictures: no page saw it"}, 404)
-        except UserError as error:
-            return _json({"error": str(error)}, 400)
+        if request.method == "PUT":
+            data = await _body(request, MOST_BYTES)
+            await run_in_threadpool(bench.replays.keep, attempt_id, data)
+            return _json({"ok": True})
+        data = await run_in_threadpool(bench.replays.path(attempt_id).read_bytes)
         return Response(data, media_type="application/octet-stream")
 
     async def last_picture(request: Request) -> Response:
         attempt_id = request.path_params["attempt_id"]
-        try:
-            if request.method == "PUT":
-                bench.replays.keep_picture(attempt_id, await _body(request, _PICTURE_BYTES))
-                return _json({"ok": True})
-            return Response(bench.replays.picture(attempt_id).read_bytes(), media_type="image/jpeg")
-        except FileNotFoundError:
-            return _json({"error": "this attempt has no picture"}, 404)
-        except UserError as error:
-            return _json({"error": str(error)}, 400)
+        if request.method == "PUT":
+            bench.replays.keep_picture(attempt_id, await _body(request, _PICTURE_BYTES))
+            return _json({"ok": True})
+        return Response(bench.replays.picture(attempt_id).read_bytes(), media_type="image/jpeg")
 
     async def picture(request: Request) -> Response:
         if request.method == "PUT":
@@ -120,10 +111,26 @@ def _file_routes(bench: Bench) -> list[Route]:
         return _json({"error": "no page is open"}, 404) if image is None else Response(image, media_type="image/jpeg")
 
     return [
-        Route("/picture", picture, methods=["GET", "PUT"]),
-        Route("/last-picture/{attempt_id}", last_picture, methods=["GET", "PUT"]),
-        Route("/replay/{attempt_id}", replay, methods=["GET", "PUT"]),
+        Route("/picture", _with_files(picture), methods=["GET", "PUT"]),
+        Route("/last-picture/{attempt_id}", _with_files(last_picture), methods=["GET", "PUT"]),
+        Route("/replay/{attempt_id}", _with_files(replay), methods=["GET", "PUT"]),
     ]
+
+
+def _with_files(handle: Handler) -> Handler:
+    """Return a handler that says why a file cannot be taken or given."""
+
+    async def answer(request: Request) -> Response:
+        try:
+            return await handle(request)
+        except FileNotFoundError:
+            return _json({"error": "this attempt has no pictures: no page saw it"}, 404)
+        except UserError as error:
+            return _json({"error": str(error)}, 400)
+        except OSError as error:
+            return _json({"error": f"the pictures cannot be kept or read: {error.strerror or error}"}, 507)
+
+    return answer
 
 
 def _desk_routes(bench: Bench) -> list[Route]:
@@ -181,7 +188,10 @@ def _json(value: object, status: int = 200) -> Response:
 
 
 def _number(request: Request) -> int:
-    return int(request.path_params["number"])
+    number = int(request.path_params["number"])
+    if number > _LARGEST_NUMBER:
+        raise UserError("there is no attempt of that number")
+    return number
 
 
 async def _body(request: Request, most: int) -> bytes:

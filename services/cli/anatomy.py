@@ -17,6 +17,7 @@ from trocar.services.meshes.errors import MeshError
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 from trocar.services.scenes.load import load_scene
 from trocar.services.scenes.ready import check_duct
+from trocar.services.start.off_screen import draw_off_screen
 
 
 def run_anatomy(
@@ -40,7 +41,7 @@ def run_anatomy(
 
     Raises ConfigError if the file cannot become a scene, and MissingPackageError if reading it needs a package.
     """
-    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # read when VTK is loaded
+    draw_off_screen(os.environ)
     folder = out or Path(f"{_stem(file)}-scene")
     request = Request(
         label=label, wall=wall, unit=unit, axes=axes, is_middle=surface_is == "middle",

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from trocar.services.cli.value_table import Row, value_table
 from trocar.services.runtime.config.products import Product, load_product, product_names
 
 
@@ -41,13 +42,10 @@ def bending_stiffness_n_m2(product: Product) -> float:
 
 
 def _table(product: Product) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for title in ("value", "is", "from", "to", "source"):
-        table.add_column(title, overflow="fold", no_wrap=title == "value")
-    for name, value in product.named_values().items():
-        numbers = (f"{number:g}" for number in (value.value, value.low, value.high))
-        table.add_row(escape(name), *numbers, escape(source_of(value.source, value.assumed)))
-    return table
+    return value_table(
+        "value",
+        (Row(k, v.value, v.low, v.high, source_of(v.source, v.assumed)) for k, v in product.named_values().items()),
+    )
 
 
 def source_of(source: str, assumed: bool) -> str:

@@ -7,6 +7,7 @@ recordings, so a layout for recordings shows the rig. Nobody can send anything t
 from __future__ import annotations
 
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from types import FrameType
@@ -121,7 +122,7 @@ def run_foxglove(
         try:
             print(f"the rig '{rig.name}' is at {_address(host, server)}: open it in Foxglove", flush=True)
             picture = PictureRecorder(to_wall_ns)
-            picture.drawing = _drawing(scene or rig.scene, scene_overrides)
+            _draw_once_built(picture, scene or rig.scene, scene_overrides)
             _follow(bus, LiveChannels(make, to_wall_ns), picture, rate_hz)
         finally:
             server.stop()
@@ -171,14 +172,17 @@ def _address(host: str, server: Any) -> str:
     return f"ws://{f'[{host}]' if ':' in host else host}:{server.port}"
 
 
-def _drawing(name: str, overrides: tuple[str, ...]) -> SceneDrawing | None:
-    """Return what draws the scene, None if it cannot be loaded, which is told."""
-    try:
-        scene = load_scene(name, overrides)
-        return SceneDrawing(scene, load_duct(scene, cache_directory(), ignore_progress))
-    except UserError as error:
-        print(f"the scene is not drawn: {error}", flush=True)
-        return None
+def _draw_once_built(picture: PictureRecorder, name: str, overrides: tuple[str, ...]) -> None:
+    """Let the scene be drawn as soon as its duct is built, which may take a minute; frames are sent meanwhile."""
+
+    def build() -> None:
+        try:
+            scene = load_scene(name, overrides)
+            picture.drawing = SceneDrawing(scene, load_duct(scene, cache_directory(), ignore_progress))
+        except UserError as error:
+            print(f"the scene is not drawn: {error}", flush=True)
+
+    threading.Thread(target=build, daemon=True).start()
 
 
 def _follow(bus: Observed, channels: LiveChannels, picture: PictureRecorder, rate_hz: float) -> None:

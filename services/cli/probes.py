@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 
 from trocar.services.cli.host_checks import CheckResult, Verdict, finding
+from trocar.services.start.off_screen import draw_off_screen
 
 _PACKAGES = {"OpenGL": "libopengl0", "GL": "libgl1", "EGL": "libegl1", "Xrender": "libxrender1"}
 _RENDER_S = 40.0
@@ -33,7 +34,8 @@ def graphics() -> Iterator[CheckResult]:
     missing = [package for name, package in _PACKAGES.items() if ctypes.util.find_library(name) is None]
     found = f"missing: {', '.join(missing)}" if missing else "all there"
     yield finding("GL libraries", not missing, found, f"apt install {' '.join(missing)}")
-    environment = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow", "LP_NUM_THREADS": "1"}
+    environment = {"LP_NUM_THREADS": "1"}
+    draw_off_screen(environment)
     yield probe("off-screen picture", _RENDER, _RENDER_S, environment, "native window, snapshots and MJPEG need it")
 
 

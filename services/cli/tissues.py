@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from trocar.services.cli.value_table import Row, value_table
 from trocar.services.mechanics.scene.tissue import DUCH_DISTENSION, TISSUES, Distension, Tissue
 
 
@@ -52,10 +53,4 @@ def _percent(seen: Distension) -> str:
 
 
 def _table(preset: Tissue) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for title in ("quantity", "value", "from", "to", "source"):
-        table.add_column(title, overflow="fold", no_wrap=title == "quantity")
-    for name, quantity in preset.quantities().items():
-        numbers = (f"{number:g}" for number in (quantity.value, quantity.low, quantity.high))
-        table.add_row(escape(name), *numbers, escape(quantity.source))
-    return table
+    return value_table("quantity", (Row(k, q.value, q.low, q.high, q.source) for k, q in preset.quantities().items()))

@@ -30,12 +30,14 @@ from trocar.services.runtime.bus.stop_line import StopLine
 from trocar.services.runtime.config.rig import ReplaySettings
 from trocar.services.runtime.log import progress
 from trocar.services.runtime.loop.loop import LoopMeter, Tick, sleep_until, ticks
+from trocar.services.runtime.loop.simulated_speed import SpeedGovernor
 from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
 from trocar.services.runtime.process.health import LatencyPath
 from trocar.services.runtime.process.process import Process, ProcessConfig, main
 
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"
+HANDS = "visualization.hands"
 RATE_HZ = 1000.0
 #: Rate while the rig starts and no arm bears a force, so that the loops leave time for processes that are not ready.
 #: All streams still count as fresh.
@@ -73,7 +75,8 @@ class Gateway:
         self._process = process
         self._bus, self._health = process.bus, process.health
         self.meter = LoopMeter(RATE_HZ, STAGES)
-        self.instruments = build_instruments(process.rig.gateway, NewestFrames(self._bus), hands.hands)
+        self._newest = NewestFrames(self._bus)
+        self.instruments = build_instruments(process.rig.gateway, self._newest, hands.hands)
         servos = [each.servo for each in self.instruments]
         self._others = [(each, [servo for servo in servos if servo is not each.servo]) for each in self.instruments]
         self._servo = self._path("servo", 100.0)
@@ -83,6 +86,7 @@ class Gateway:
         )
         self.orders = SupervisorCommands(self.instruments, process.rig.gateway.supervisor_timeout_s)
         self._time = RigTime(self.meter.period_ns, simulated=process.rig.simulated_time)
+        self._speed = SpeedGovernor() if self._time.simulated and process.rig.page_hands() else None
         self._unanswered = 0
         self._attempt = AttemptOrders(self.instruments, self._time)
         self._turns = HandleSchedule(len(self.instruments))
@@ -171,6 +175,16 @@ class Gateway:
                 self.meter.change_rate(self._rate_hz())
         if index % _ATTEMPT_EVERY == 0:
             self._attempt.obey_frame(self._bus.latest(ATTEMPT), self._bus.is_fresh(ATTEMPT))
+            if self._speed is not None:
+                self._time.speed = self._speed_for_pictures(self._speed)
+
+    def _speed_for_pictures(self, governor: SpeedGovernor) -> float:
+        """Return the speed of simulated time at which the page that has the hands shows enough pictures."""
+        frame = self._newest(HANDS)
+        if frame is not None and frame.valid:
+            governor.take_pictures(frame.sent_ns * 1e-9, frame.body.pictures_hz)
+        governor.forget_silent_page(time.monotonic())
+        return governor.speed
 
     def serve(self, deadline_ns: int) -> None:
         """Serve the handles until `deadline_ns`, from the model that answers the last tick."""
@@ -201,7 +215,7 @@ class Gateway:
         """Return the rate of the loop: slow during the start, fast while simulated time has to catch up."""
         if self._attempt.starting:
             return STARTING_HZ
-        return CATCH_UP_HZ if self._time.is_behind else RATE_HZ
+        return self._time.speed * (CATCH_UP_HZ if self._time.is_behind else RATE_HZ)
 
     def ended(self) -> bool:
         """Return whether the process was told to end and no hand bears a force any more."""

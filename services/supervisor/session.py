@@ -25,7 +25,7 @@ from trocar.services.runtime.loop.loop import LoopMeter
 from trocar.services.runtime.measures.flight import flight_directory, remove_rings
 from trocar.services.runtime.private_directory import make_private
 from trocar.services.runtime.process.process import Options, Process, load_process_config, open_process
-from trocar.services.runtime.web.web_certificate import load_for
+from trocar.services.runtime.web.web_certificate import Certificate, load_for
 from trocar.services.runtime.web.web_host import listen
 from trocar.services.start import first_start
 from trocar.services.supervisor import frozen_configuration
@@ -146,31 +146,20 @@ def run_session(process: Process, session: SessionOptions) -> None:
         web.host, web.port, "--set supervisor.web.port=N"
     )  # before anything is started, to report a used port at once
     supervisor = Supervisor(setup, process.bus, time.monotonic(), session.on_event)
-    if process.rig.supervisor.mode == "launch" and (told := first_start.notice()):
-        supervisor.start_notice = told
-        supervisor.say("info", told)
-    for remark in session.remarks:
-        supervisor.say("warning", remark)
-    if certificate is not None:
-        until = f"valid until {certificate.until:%Y-%m-%d}"
-        supervisor.say("info", f"page: the certificate's SHA-256 fingerprint is {certificate.fingerprint}, {until}")
+    _say_first(supervisor, session, certificate)
     threads = OwnIoThreads()
     supervisor.crew.has_heard_all = threads.are_idle
     files = frozen_configuration.files_of(process.rig, session.options.rig, process.scene_name)
     changed = frozen_configuration.ChangedFiles(files, supervisor.say)
-    rings = _rings(process.rig)
-    rig = process.rig.model_dump_json()
-    fingerprint = "" if certificate is None else certificate.fingerprint
-    page_setup = PageSetup(
-        rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides
-    )
+    rings, logs = _rings(process.rig), log_directory(process.rig)
+    page_setup = _page_setup(process, session, certificate)
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
     with (
         closing(threads),
         closing(loop_progress),
-        closing(Page(sock, supervisor, page_setup, log_directory(process.rig))) as page,
+        closing(Page(sock, supervisor, page_setup, logs)) as page,
         closing(CommandSocket(supervisor)) as control,
-        closing(School(supervisor, page_setup, log_directory(process.rig))) as school,
+        closing(School(supervisor, page_setup, logs)) as school,
     ):
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
@@ -187,6 +176,32 @@ def run_session(process: Process, session: SessionOptions) -> None:
     if process.rig.supervisor.mode == "launch" and rings is not None:
         remove_rings(endpoints.run_directory(process.rig.transport))
     frozen_configuration.remove(process.rig.transport)
+    _raise_fault(supervisor)
+    if interrupted:
+        raise InterruptedStartError("the rig was asked to end before it ran")
+
+
+def _say_first(supervisor: Supervisor, session: SessionOptions, certificate: Certificate | None) -> None:
+    """Say what a person should know before the rig starts."""
+    if supervisor.rig.supervisor.mode == "launch" and (told := first_start.notice()):
+        supervisor.start_notice = told
+        supervisor.say("info", told)
+    for remark in session.remarks:
+        supervisor.say("warning", remark)
+    if certificate is not None:
+        until = f"valid until {certificate.until:%Y-%m-%d}"
+        supervisor.say("info", f"page: the certificate's SHA-256 fingerprint is {certificate.fingerprint}, {until}")
+
+
+def _page_setup(process: Process, session: SessionOptions, certificate: Certificate | None) -> PageSetup:
+    """Return what the processes of the page and of the school are told at their start."""
+    fingerprint = "" if certificate is None else certificate.fingerprint
+    rig = process.rig.model_dump_json()
+    return PageSetup(rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides)
+
+
+def _raise_fault(supervisor: Supervisor) -> None:
+    """Raise for the process that could not start, or was given up, if there is one."""
     if supervisor.crew.fatal is not None:
         raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)
     members = supervisor.crew.members.values()
@@ -194,8 +209,6 @@ def run_session(process: Process, session: SessionOptions) -> None:
     faults = given_up + [member.fault for member in members if member.fault is not None]
     if faults:
         raise GivenUpError(faults[0].sentence, faults[0].exit_code)
-    if interrupted:
-        raise InterruptedStartError("the rig was asked to end before it ran")
 
 
 def _rings(rig: Rig) -> Path | None:

@@ -10,9 +10,8 @@ from collections import deque
 
 from trocar.protocol import bodies
 from trocar.protocol.topics import TICK_S
+from trocar.services.runtime.loop.simulated_speed import LEAST_PICTURES_HZ, LEAST_SPEED
 
-#: Pictures a second that a person needs to steer by, and the slowest simulated time that is not slow motion.
-LEAST_PICTURES_HZ, LEAST_SPEED = 12.0, 0.5
 #: Deviation from the clock that is told.
 TOLD_SPEED = 0.95
 _OVER_S = 3.0

@@ -11,6 +11,7 @@ import os
 import sys
 import time
 
+from trocar.services.start.off_screen import draw_off_screen
 from trocar.services.visualization.feed import FeedMessage
 from trocar.services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read_message
 
@@ -109,7 +110,7 @@ class CameraFeed:
     async def _start(self) -> asyncio.subprocess.Process:
         # One thread of the software renderer, and the lowest priority, as the loops come first.
         environment = {**os.environ, "LP_NUM_THREADS": "1"}
-        environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+        draw_off_screen(environment)
         self._epoch = -1
         self._has_started = False
         self._worker = await asyncio.create_subprocess_exec(

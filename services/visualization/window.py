@@ -10,11 +10,11 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping
 
 from trocar.services.runtime.errors import DeviceError, MissingPackageError, UserError
 from trocar.services.runtime.loop.loop import sleep_until
 from trocar.services.runtime.process.health import LatencyPath
+from trocar.services.start.off_screen import on_screen
 from trocar.services.visualization.display import display_name
 from trocar.services.visualization.feed import Feed
 from trocar.services.visualization.outputs import Output
@@ -120,7 +120,7 @@ class WindowOutput(Output):
             sys.executable, "-m", "trocar.services.visualization.window_worker",
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
             # Threads of the software renderer would delay the loops: lateness was 4 instead of 1 ms.
-            env={**_on_screen(os.environ), "LP_NUM_THREADS": "1"},
+            env={**on_screen(os.environ), "LP_NUM_THREADS": "1"},
             start_new_session=True,  # `trocar.services.runtime.realtime.autogroup`
         )  # fmt: skip
         sending = asyncio.ensure_future(self._send(worker))
@@ -155,11 +155,6 @@ class WindowOutput(Output):
                     self._feed.acknowledge(int.from_bytes(data, "little"))
                 self._open = self._open or kind == OPEN
                 self.closed = self.closed or kind == CLOSED
-
-
-def _on_screen(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return it without the variable that makes VTK draw off the screen: the window would take that for no display."""
-    return {name: value for name, value in environment.items() if name != "VTK_DEFAULT_OPENGL_WINDOW"}
 
 
 async def _end(worker: asyncio.subprocess.Process, patience_s: float) -> None:

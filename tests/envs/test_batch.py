@@ -76,7 +76,7 @@ def test_scenes_elsewhere_are_the_same_to_the_bit(place: str) -> None:
         check(batch, 0)
         batch.close()
         return
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
         batch = Batch("trocar/Insertion-v0", N, scheduler=cluster.scheduler_address, **INSERTION)
         check(batch, 0)
         batch.close()

@@ -191,7 +191,7 @@ def test_a_cluster_plays_the_same_episodes_as_this_process() -> None:
     settings = {"overrides": SMALL, "randomise": RANGES, "max_episode_steps": 80}
     here = {each.seed: each for each in rollouts(_still, range(2), **settings)}
     assert here[0].reward != here[1].reward, "what is drawn differs, and is seen"
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
         there = {
             each.seed: each for each in rollouts(_still, range(2), scheduler=cluster.scheduler_address, **settings)
         }

@@ -72,3 +72,12 @@ def test_slow_motion_goes_at_its_pace() -> None:
     for k in range(1, 401):
         time.advance(k, k * MS)
     assert time.index == 100
+
+
+def test_at_a_lower_speed_so_many_fewer_ticks_come_and_none_is_owed() -> None:
+    time = RigTime(MS, simulated=True)
+    time.speed = 0.6
+    for k in range(1001):
+        time.advance(k, k * MS)
+    assert abs(time.index - 600) <= 1
+    assert not time.is_behind

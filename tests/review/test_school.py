@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -222,6 +223,34 @@ def test_the_class_is_exported_by_an_instructor_alone(client: httpx.Client, benc
         assert "heron-17" in client.get(f"/export/{form}", headers=INSTRUCTOR).text
     table = client.get("/class", headers=INSTRUCTOR).json()
     assert [(each["trainee"], each["best"], each["attempts"]) for each in table] == [("heron-17", 220.0, 1)]
+
+
+def test_what_is_too_long_is_refused_in_a_sentence(client: httpx.Client) -> None:
+    for path in ("/picture", "/last-picture/20261130T1-a"):
+        answer = client.put(path, content=b"x" * ((1 << 20) + 1), headers=TRAINEE)
+        assert (answer.status_code, "bytes are not taken" in answer.json()["error"]) == (400, True)
+    assert client.get("/pulse", headers=TRAINEE).status_code == 200
+
+
+@pytest.mark.parametrize("number", [0, 10**9, 10**30])
+def test_an_attempt_that_is_not_there_is_told(client: httpx.Client, number: int) -> None:
+    for answer in (
+        client.get(f"/attempts/{number}", headers=TRAINEE),
+        client.post(f"/attempts/{number}/bookmark", content=b'{"words": "here"}', headers=INSTRUCTOR),
+    ):
+        assert (answer.status_code, "attempt" in answer.json()["error"]) == (409, True)
+
+
+def test_a_full_disk_is_told_and_ends_nothing(
+    client: httpx.Client, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(bench.replays, "keep", full)
+    answer = client.put("/replay/20261130T1-a", content=b"pictures", headers=TRAINEE)
+    assert (answer.status_code, "No space left" in answer.json()["error"]) == (507, True)
+    assert client.get("/pulse", headers=TRAINEE).status_code == 200
 
 
 def test_a_picture_is_sent_only_while_somebody_looks(client: httpx.Client) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -10,10 +11,10 @@ import numpy.typing as npt
 
 from trocar.protocol import Frame
 from trocar.review.export.fluoroscopy import open_renderer
-from trocar.review.export.pictures import use_no_display
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.errors import MissingPackageError
+from trocar.services.start.off_screen import draw_off_screen
 from trocar.services.visualization.composer import Composer
 
 
@@ -34,7 +35,7 @@ def recorded_camera(path: Path, view: str, size: tuple[int, int]) -> Camera:
     """
     from trocar.review.export.film import recorded_scene  # a verb's: its import changes the process
 
-    use_no_display()
+    draw_off_screen(os.environ)
     return Camera(*recorded_scene(path), size, view)
 
 

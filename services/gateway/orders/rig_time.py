@@ -20,14 +20,15 @@ class RigTime:
     Attributes:
         index: The rig's tick.
         time_ns: Its due time on the rig's grid, to which simulated devices advance.
-        pace: Of the rig's time, 0 to 1.
+        pace: Of the rig's time by order, 0 to 1.
+        speed: Of simulated time at full pace, 0 to 1, see `SpeedGovernor`.
         stands: Whether the tick of the loop answers the previous tick of the rig again.
     """
 
     def __init__(self, period_ns: int, *, simulated: bool = False) -> None:
         self.simulated = simulated
         self.index, self.time_ns = -1, 0
-        self.pace, self.stands = 1.0, False
+        self.pace, self.speed, self.stands = 1.0, 1.0, False
         self._period_ns = period_ns
         self._last: int | None = None
         self._owed = self._behind = 0.0
@@ -70,7 +71,7 @@ class RigTime:
 
     def _next_tick(self, passed_ns: int, is_answered: bool) -> int:
         """Return 1 if simulated time, `passed_ns` of the clock later, advances by a tick, else 0."""
-        behind = self._behind + self.pace * passed_ns / self._period_ns if self.pace else 0.0
+        behind = self._behind + self.pace * self.speed * passed_ns / self._period_ns if self.pace else 0.0
         self._behind = min(behind, _BEHIND_NS / self._period_ns)
         if not is_answered or max(self._owed, self._behind) < 1.0:
             return 0

@@ -11,18 +11,16 @@ import socket
 from pathlib import Path
 
 from trocar.services.supervisor.control.supervisor import Supervisor
-from trocar.services.supervisor.crew.launcher import Child
 from trocar.services.supervisor.crew.processes import ProcessSpec
-from trocar.services.supervisor.crew.restart_policy import MINUTE_S, RestartPolicy
 from trocar.services.supervisor.crew.silence import Silence
-from trocar.services.supervisor.page.page_link import Heartbeat, Link, PageSetup, RigStatus
+from trocar.services.supervisor.page.linked_process import LinkedProcess
+from trocar.services.supervisor.page.page_link import Heartbeat, PageSetup, RigStatus
 from trocar.services.supervisor.page.page_place import page_file, write_page_file
 
 _PAGE = ProcessSpec("page", "trocar.services.supervisor.page.page_server")
 _TELL_S = 0.2
 #: Delay of a restart, and the number of them in a minute.
 _RETRY_S, _RETRIES = 2.0, 5
-_END_S = 3.0
 #: Silence that is a hang, of a running and of a starting page, not counting waits for a processor.
 _SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
 
@@ -34,73 +32,59 @@ class Page:
         self._supervisor = supervisor
         self._socket = sock
         self._setup = setup
-        self._log_file = log_directory / "page.log"
         self._file = page_file(supervisor.rig.transport)
-        self._child: Child | None = None
-        self._link: Link | None = None
-        self._restarts = RestartPolicy((_RETRY_S,), _RETRIES)
-        self._due_s = self._retry_s = 0.0
+        self._process = LinkedProcess(_PAGE, log_directory / "page.log", _RETRY_S, _RETRIES)
+        self._due_s = 0.0
         address, token = _address(sock, "https" if setup.fingerprint else "http"), setup.token
         write_page_file(self._file, address, token, setup.fingerprint)
         supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
         supervisor.page_address = f"{address}#token={token}"
-        self._start(supervisor.started_s)
+        self._start()
 
     def end(self) -> None:
         """Let the process end, without waiting for it."""
-        if self._link is not None:
-            self._link.close()
+        self._process.end()
 
     def close(self) -> None:
         """End the process, and release the address."""
-        self.end()
-        if self._child is not None:
-            self._child.wait(_END_S)
-            self._child.kill()
-            self._child.close()
+        lived = self._process.child is not None
+        self._process.close()
+        if lived:
             self._silence.close()
         self._socket.close()
         self._file.unlink(missing_ok=True)
 
     def turn(self, now_s: float) -> None:
         """Send the status when due; restart the process if it ended or hangs."""
-        if self._link is None or self._child is None:
-            if now_s >= self._retry_s:
-                self._start(now_s)
+        link = self._process.link
+        if link is None:
+            if now_s >= self._process.due_s:
+                self._start()
             return
         try:
-            while self._link.receive(Heartbeat) is not None:
+            while link.receive(Heartbeat) is not None:
                 self._silence.begin(_SILENT_S)
         except ConnectionError:
-            self._lost(self._link, self._child, now_s)
+            self._lose(now_s)
             return
         if why := self._silence.too_long():
-            self._lost(self._link, self._child, now_s, f"{why} and")
+            self._lose(now_s, f"{why} and")
             return
         if now_s >= self._due_s:
             self._due_s = now_s + _TELL_S
-            self._link.send(RigStatus.of(self._supervisor, now_s))
+            link.send(RigStatus.of(self._supervisor, now_s))
 
-    def _start(self, now_s: float) -> None:
-        self._link, other = Link.pair()
-        self._link.send(self._setup)
-        descriptors = other.fileno(), self._socket.fileno()
-        self._child = Child(_PAGE, [str(each) for each in descriptors], self._log_file, descriptors)
-        self._silence = Silence(self._child.pid, _SILENT_AT_FIRST_S)
-        other.close()
+    def _start(self) -> None:
+        child = self._process.start(self._setup, [self._socket.fileno()])
+        self._silence = Silence(child.pid, _SILENT_AT_FIRST_S)
 
-    def _lost(self, link: Link, child: Child, now_s: float, why: str = "") -> None:
-        link.close()
-        status = child.kill()
-        child.close()
+    def _lose(self, now_s: float, why: str = "") -> None:
+        status, is_soon = self._process.lose(now_s)
         self._silence.close()
-        self._child = self._link = None
-        delay_s = self._restarts.delay_s(now_s)
-        self._retry_s = now_s + (MINUTE_S if delay_s is None else delay_s)
-        again = "the rig goes on without for a minute" if delay_s is None else "started again"
+        again = "started again" if is_soon else "the rig goes on without for a minute"
         what = " ".join(filter(None, ("the page's process", why, f"ended with exit code {status}")))
         text = f"supervisor: {what}, {again}"
-        self._supervisor.say("warning", f"{text} (see {self._log_file})")
+        self._supervisor.say("warning", f"{text} (see {self._process.log_file})")
 
 
 def _address(sock: socket.socket, scheme: str) -> str:

@@ -19,15 +19,14 @@ from starlette.types import Receive, Scope, Send
 from trocar.services.runtime.bus.endpoints import run_directory
 from trocar.services.runtime.config.rig import Transport
 from trocar.services.supervisor.control.supervisor import Supervisor
-from trocar.services.supervisor.crew.launcher import Child
 from trocar.services.supervisor.crew.processes import ProcessSpec
-from trocar.services.supervisor.crew.restart_policy import MINUTE_S, RestartPolicy
 from trocar.services.supervisor.judge.state_machine import RigState
-from trocar.services.supervisor.page.page_link import Link, PageSetup
+from trocar.services.supervisor.page.linked_process import LinkedProcess
+from trocar.services.supervisor.page.page_link import PageSetup
 
 _MODULE = "trocar.review.school"
 _SCHOOL = ProcessSpec("school", _MODULE)
-_RETRY_S, _RETRIES, _END_S = 5.0, 3, 3.0
+_RETRY_S, _RETRIES = 5.0, 3
 _PART_BYTES, _HEAD_BYTES, _PATIENCE_S = 1 << 16, 1 << 16, 30.0
 
 
@@ -41,49 +40,27 @@ class School:
 
     def __init__(self, supervisor: Supervisor, setup: PageSetup, log_directory: Path) -> None:
         self._supervisor, self._setup = supervisor, setup
-        self._log_file = log_directory / "school.log"
-        self._child: Child | None = None
-        self._link: Link | None = None
-        self._restarts = RestartPolicy((_RETRY_S,), _RETRIES)
-        self._due_s = 0.0
+        self._process = LinkedProcess(_SCHOOL, log_directory / "school.log", _RETRY_S, _RETRIES)
         self._is_there = supervisor.rig.replay is None and _is_installed()
 
     def end(self) -> None:
         """Let the process end, without waiting for it."""
-        if self._link is not None:
-            self._link.close()
+        self._process.end()
 
     def close(self) -> None:
         """End the process."""
-        self.end()
-        if self._child is not None:
-            self._child.wait(_END_S)
-            self._child.kill()
-            self._child.close()
+        self._process.close()
 
     def turn(self, now_s: float) -> None:
         """Start the process if it does not run and is due."""
-        if not self._is_there or now_s < self._due_s or self._supervisor.state is RigState.STARTING:
+        if not self._is_there or now_s < self._process.due_s or self._supervisor.state is RigState.STARTING:
             return  # what starts with the rig delays it
-        if self._child is None:
-            self._start()
-        elif self._child.end() is not None:
-            self._lost(now_s)
-
-    def _start(self) -> None:
-        self._link, other = Link.pair()
-        self._link.send(self._setup)
-        self._child = Child(_SCHOOL, [str(other.fileno())], self._log_file, [other.fileno()])
-        other.close()
-
-    def _lost(self, now_s: float) -> None:
-        if self._child is not None and self._link is not None:
-            self._link.close()
-            self._child.close()
-        self._child = self._link = None
-        delay_s = self._restarts.delay_s(now_s)
-        self._due_s = now_s + (MINUTE_S if delay_s is None else delay_s)
-        self._supervisor.say("warning", f"supervisor: the school's process ended, see {self._log_file}")
+        if self._process.child is None:
+            self._process.start(self._setup)
+        elif self._process.child.end() is not None:
+            self._process.lose(now_s)
+            log_file = self._process.log_file
+            self._supervisor.say("warning", f"supervisor: the school's process ended, see {log_file}")
 
 
 def _is_installed() -> bool:

@@ -150,7 +150,7 @@ def test_a_cluster_of_processes_computes_the_same(run_smallest, tmp_path):
 
     here, _ = run_smallest("integrator", folder=tmp_path / "here", costs=False)
     with LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", host="127.0.0.1"
     ) as cluster:
         there, _ = run_smallest(
             "integrator", folder=tmp_path / "there", costs=False, scheduler=cluster.scheduler_address

@@ -14,7 +14,7 @@ import { Lens } from "./lens.js";
 // are not smoothed, which is settled with the context, and the context is the one that was asked, since making one takes a processor long.
 export function canvasFor(canvas) {
   const asked = canvas.cloneNode();
-  const context = asked.getContext("webgl2", { alpha: true, antialias: false });
+  const context = asked.getContext("webgl2", { alpha: false, antialias: false });
   const info = context?.getExtension("WEBGL_debug_renderer_info");
   const name = info ? context.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
   if (/swiftshader|llvmpipe|software|basic render/i.test(name)) {

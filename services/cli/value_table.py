@@ -1,0 +1,30 @@
+"""The table of values with their ranges and sources, of `trocar tissues` and `trocar catheters`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from rich.markup import escape
+from rich.table import Table
+
+
+class Row(NamedTuple):
+    """A named value in SI units, its range, and its source as people read it."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    source: str
+
+
+def value_table(title: str, rows: Iterable[Row]) -> Table:
+    """Return a table whose first column has a title."""
+    table = Table(box=None, pad_edge=False)
+    for column in (title, "is", "from", "to", "source"):
+        table.add_column(column, overflow="fold", no_wrap=column == title)
+    for row in rows:
+        numbers = (f"{number:g}" for number in (row.value, row.low, row.high))
+        table.add_row(escape(row.name), *numbers, escape(row.source))
+    return table

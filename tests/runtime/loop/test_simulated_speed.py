@@ -1,0 +1,77 @@
+"""Simulated time makes room for the picture of a browser that draws on the processor, and takes it back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from trocar.services.runtime.loop.simulated_speed import LEAST_PICTURES_HZ, LEAST_SPEED, SPEEDS, SpeedGovernor
+
+#: Shares of one core: what the loops take at full speed, and what the rest of a rig takes at any.
+LOOPS, REST, CORES = 1.0, 0.35, 2.0
+
+
+def pictures_hz(speed: float, cost_s: float, asked_hz: float = 15.0) -> float:
+    """Return the pictures of a browser that gets what is left of the cores, where one picture takes so long."""
+    return min(asked_hz, (CORES - REST - LOOPS * speed) / cost_s)
+
+
+def three_seconds(seen: list[float]) -> Iterator[tuple[float, float, float]]:
+    """Return three seconds in a row, over which an attempt's pictures are judged."""
+    return zip(seen, seen[1:], seen[2:], strict=False)
+
+
+def follow(governor: SpeedGovernor, cost_s: float, seconds: int, begins_s: float = 0.0) -> list[float]:
+    """Let a page tell what it shows four times a second; return the pictures it showed in each second."""
+    seen = []
+    for second in range(seconds):
+        shown = pictures_hz(governor.speed, cost_s)
+        seen.append(shown)
+        for quarter in range(4):
+            now_s = begins_s + second + 0.25 * quarter
+            governor.take_pictures(now_s, shown)
+            governor.forget_silent_page(now_s)
+    return seen
+
+
+@pytest.mark.parametrize("cost_s", [0.03, 0.055, 0.07, 0.08])
+def test_a_hand_sees_enough_pictures_within_seconds_if_any_speed_allows_it(cost_s: float) -> None:
+    governor = SpeedGovernor()
+    seen = follow(governor, cost_s, 60)
+    assert pictures_hz(SPEEDS[-1], cost_s) >= LEAST_PICTURES_HZ
+    settled = seen[2:]
+    assert min(a + b + c for a, b, c in three_seconds(settled)) >= 3.0 * LEAST_PICTURES_HZ, seen
+    assert governor.speed > LEAST_SPEED
+
+
+def test_time_is_no_slower_than_the_picture_needs() -> None:
+    fast, weak = SpeedGovernor(), SpeedGovernor()
+    follow(fast, 0.02, 60)
+    follow(weak, 0.06, 60)
+    assert fast.speed == 1.0
+    assert SPEEDS[-1] < weak.speed < 1.0
+
+
+def test_full_speed_comes_back_once_there_is_room() -> None:
+    governor = SpeedGovernor()
+    follow(governor, 0.08, 10)
+    assert governor.speed == SPEEDS[-1]
+    follow(governor, 0.02, 60, begins_s=10.0)
+    assert governor.speed == 1.0
+
+
+def test_full_speed_comes_back_when_nobody_looks() -> None:
+    governor = SpeedGovernor()
+    follow(governor, 0.08, 10)
+    governor.forget_silent_page(11.0)
+    assert governor.speed < 1.0
+    governor.forget_silent_page(14.0)
+    assert governor.speed == 1.0
+
+
+def test_unknown_pictures_change_nothing() -> None:
+    governor = SpeedGovernor()
+    for second in range(20):
+        governor.take_pictures(float(second), -1.0)
+    assert governor.speed == 1.0
