@@ -78,12 +78,9 @@ def _folds(duct: CysticDuctScene, thickness_m: float) -> Folds | None:
         return None
     end_m = SPIRAL * duct.length_m + _MARGIN_M
     pitch_m = (end_m - _MARGIN_M) / duct.folds
-    share = 0.5 * duct.fold_height
-    heights_m = (
-        share * float(np.interp(at, (0.0, duct.length_m), (duct.width_m, duct.end_width_m)))
-        for at in (_MARGIN_M, end_m)
-    )
-    return Folds(_MARGIN_M, end_m, pitch_m, *heights_m, min(_FOLD_WIDTH * thickness_m, 0.5 * pitch_m))
+    at_m, widths_m = np.array([_MARGIN_M, end_m]), [duct.width_m, duct.end_width_m]
+    begin, end = 0.5 * duct.fold_height * np.interp(at_m, [0.0, duct.length_m], widths_m)
+    return Folds(_MARGIN_M, end_m, pitch_m, float(begin), float(end), min(_FOLD_WIDTH * thickness_m, 0.5 * pitch_m))
 
 
 def _common_duct(duct: CysticDuctScene, thickness_m: float, points_m: FloatArray, cystic_m: float) -> Tube:

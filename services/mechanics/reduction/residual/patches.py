@@ -220,5 +220,4 @@ def _mirror(starts: IntArray, neighbours: IntArray) -> IntArray:
     """Return for each pair of a pattern the place (p,) of the same pair with its nodes exchanged."""
     n = starts.size - 1
     places = scipy.sparse.csr_array((np.arange(neighbours.size), neighbours, starts), shape=(n, n))
-    mirror: IntArray = places.T.tocsr().data
-    return mirror
+    return places.T.tocsr().data.astype(np.int32)
