@@ -17,6 +17,7 @@ from trocar.review.attempts.assessment import FAULTS_ABOVE, Assessment, metric_l
 from trocar.review.attempts.curve import cusum, learning_curve
 from trocar.review.attempts.experts import is_proficient
 from trocar.review.attempts.figures import LEAD_S, NARROW, Chart, chart, timeline
+from trocar.services.messages.page_style import page_style
 from trocar.services.training.errors import ERRORS, ErrorEvent
 from trocar.services.training.score import Band, ScoreRules
 from trocar.services.training.situation import TISSUES
@@ -81,6 +82,7 @@ def render(
         goals=GOALS,
         goes=len(past),
         faults_above=FAULTS_ABOVE,
+        style=page_style(),
     )
 
 

@@ -21,10 +21,11 @@ from trocar.review.classroom.desk import Act, Desk, live_picture
 from trocar.review.classroom.roll import ClassRig, load_roll
 from trocar.review.classroom.scores import Scores
 from trocar.review.classroom.watch import Watch
-from trocar.review.school.app import ROLE, Handler
+from trocar.review.school.answering import ROLE, Handler
 from trocar.review.school.app import build_app as build_school
 from trocar.review.school.bench import Bench
 from trocar.review.school.courses import course_names
+from trocar.services.messages.page_style import styled
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_text
 from trocar.services.runtime.web.web_host import KnownHost, listen
@@ -107,7 +108,7 @@ class Classroom:
 
 def build_app(classroom: Classroom) -> Starlette:
     """Return the web application."""
-    html = _PAGE.read_text(encoding="utf-8")
+    html = styled(_PAGE.read_text(encoding="utf-8"))
 
     async def page(_request: Request) -> Response:
         return HTMLResponse(html)

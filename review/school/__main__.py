@@ -17,6 +17,10 @@ import uvicorn
 from trocar.review.school.app import build_app
 from trocar.review.school.bench import Bench
 from trocar.review.school.listening import Listener
+from trocar.review.school.replays import folder_of
+from trocar.review.school.settings_routes import Settings
+from trocar.review.settings.files import ConfigurationFiles
+from trocar.review.settings.host import Host
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.supervisor.page.page_link import Link, PageSetup
@@ -65,7 +69,10 @@ def main(descriptor: int) -> int:
     path.chmod(0o600)
     sock.listen(16)
     listener = Listener(rig, bench.terms(), bench.take)
-    config = uvicorn.Config(build_app(bench), log_level="warning", access_log=False, lifespan="off", ws="none")
+    settings = Settings(ConfigurationFiles(), Host(rig, setup.asked, setup.scene, folder_of(None)))
+    config = uvicorn.Config(
+        build_app(bench, settings), log_level="warning", access_log=False, lifespan="off", ws="none"
+    )
     try:
         asyncio.run(_serve(uvicorn.Server(config), sock, link))
     finally:

@@ -28,7 +28,7 @@ def run_show(origin: bool, as_json: bool, overrides: tuple[str, ...], **names: s
     if len(named) > 1:
         raise ConfigError(f"--{named[0]} and --{named[1]}: show one at a time")
     kind = named[0] if named else "rig"
-    value, origins = _load(kind, names[kind] or "stub", overrides)
+    value, origins = load_checked(kind, names[kind] or "stub", overrides)
     data = plain(value)
     for key in BESIDE_THE_DUCT if kind == "scene" and value.duct_alone else ():
         del data[key]  # whoever names it has more than a duct
@@ -51,10 +51,11 @@ def run_schema(kind: str) -> None:
     if kind not in KINDS:
         near = did_you_mean(kind, KINDS)
         raise ConfigError(f"there is no configuration {kind!r}; known: {', '.join(KINDS)}{near}")
-    print(json.dumps(TypeAdapter(_type_of(kind)).json_schema(), indent=1))
+    print(json.dumps(TypeAdapter(type_of(kind)).json_schema(), indent=1))
 
 
-def _type_of(kind: str) -> Any:
+def type_of(kind: str) -> Any:
+    """Return the type that a kind of file is checked against."""
     if kind == "rig":
         return Rig
     if kind == "scene":
@@ -66,14 +67,18 @@ def _type_of(kind: str) -> Any:
     return DeviceFile
 
 
-def _load(kind: str, name: str, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
+def load_checked(kind: str, name: str, overrides: tuple[str, ...] = ()) -> tuple[Any, config.Origins]:
+    """Return the rig, scene or device of a name or file, and where each value came from.
+
+    Raises UserError for whatever `trocar up` would refuse.
+    """
     from trocar.services.cli.check_options import checked_rig, checked_scene
 
     if kind == "scene":
         return checked_scene(name, overrides)
     if kind == "rig":
         return checked_rig(name, None, overrides)
-    return config.load(_type_of(kind), config.find(kind, name), overrides)
+    return config.load(type_of(kind), config.find(kind, name), overrides)
 
 
 def plain(value: Any) -> Any:

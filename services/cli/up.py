@@ -53,6 +53,7 @@ class Run:
         self._display = display
         self.report: run_report.RunReport | None = None
         self.next_scenario = ""
+        self.begins_again = False
         self.port = 0
 
     def turn(self, supervisor: Supervisor, now_s: float) -> bool:
@@ -63,26 +64,29 @@ class Run:
         self.report.turn(now_s)
         self._display.turn(supervisor)
         self.next_scenario = supervisor.next_scenario
+        self.begins_again = supervisor.begins_again or bool(self.next_scenario)
         request = self._request
         is_over = request.seconds is not None and self.report.measured_s >= request.seconds
-        return is_over or bool(self.next_scenario) or (request.ends_when is not None and request.ends_when(supervisor))
+        return is_over or self.begins_again or (request.ends_when is not None and request.ends_when(supervisor))
 
 
 def run_up(request: UpRequest, fork_server: ForkServer) -> None:
     """Start the rig, stay until it ends, write the report whatever ended it.
 
-    Where the page asks for another scenario that is run next, with the page's address and token as they are. A scenario
-    that cannot be run is told, and the one before it begins again.
+    Where the page asks for another scenario that is run next, and where it asks for a new start the same with what its
+    files say by then, with the page's address and token as they are. What cannot be run is told, and what ran before
+    begins again.
     """
     targets.look_at_file("--json", request.json_file)
     options, token, remarks = request.options(), secrets.token_urlsafe(16), tuple(filter(None, [build.build_fault()]))
-    while name := (run := _run_session(request, options, token, remarks, fork_server)).next_scenario:
+    while (run := _run_session(request, options, token, remarks, fork_server)).begins_again:
         fork_server.begin()
-        other = replace(request, scene=None, scenario=name)
+        name = run.next_scenario
+        other = replace(request, scene=None, scenario=name) if name else request
         try:
             options, request, remarks = other.options(), other, ()
         except UserError as error:
-            remarks = (f"scenario {name} cannot be run: {error}",)
+            remarks = (f"{f'scenario {name}' if name else 'the rig'} cannot be run: {error}",)
         options = replace(options, overrides=(*options.overrides, f"supervisor.web.port={run.port}"))
 
 
@@ -100,7 +104,7 @@ def _run_session(
         with display:
             session.run_session(process, asked)
         if process.stop():  # by a person at the terminal, while the rig was ending for another scenario
-            run.next_scenario = ""
+            run.begins_again = False
     finally:
         process.bus.close()
         if request.json_file is not None and run.report is not None:

@@ -137,6 +137,9 @@ class _FixedContactSearch(CandidateSearch):
     def set_spheres(self, spheres: Spheres) -> None:
         """Do nothing: spheres have no contact."""
 
+    def set_strands(self, n_apart: int) -> None:
+        """Do nothing: strands have no contact."""
+
     def set_catheter_row_gap(self, gap_m: float) -> None:
         """Do nothing: there are no candidates."""
 

@@ -197,7 +197,10 @@ def _page_setup(process: Process, session: SessionOptions, certificate: Certific
     """Return what the processes of the page and of the school are told at their start."""
     fingerprint = "" if certificate is None else certificate.fingerprint
     rig = process.rig.model_dump_json()
-    return PageSetup(rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides)
+    return PageSetup(
+        rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides,
+        (session.options.rig, session.options.overrides),
+    )  # fmt: skip
 
 
 def _raise_fault(supervisor: Supervisor) -> None:

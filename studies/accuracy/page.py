@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from trocar.services.files.atomic_file import atomic_file
+from trocar.services.messages.page_style import styled
 from trocar.studies.accuracy.facts import Facts
 from trocar.studies.accuracy.report import BUDGET_US
 from trocar.studies.accuracy.study import Row
@@ -45,7 +46,8 @@ def write_page(rows: Sequence[Row], texts: Mapping[str, Text], facts: Facts, pat
     # "</" would end the script that holds it.
     told = json.dumps(data, allow_nan=False).replace("</", "<\\/")
     with atomic_file(path) as half:
-        half.write_text(_TEMPLATE.read_text(encoding="utf-8").replace("/*DATA*/null", told), encoding="utf-8")
+        page = styled(_TEMPLATE.read_text(encoding="utf-8"))
+        half.write_text(page.replace("/*DATA*/null", told), encoding="utf-8")
 
 
 def _row(row: Row) -> dict[str, Any]:

@@ -1,14 +1,13 @@
 """A newcomer with a mouse: takes the instruments at the page and does what the page says, until it says well done.
 
-``python -m tests.page.newcomer`` does so five times, each beside a rig of its own, and writes what it came to;
 ``python -m tests.page.newcomer docs/insertion.jpg`` keeps what it sees on the way as a strip, each picture drawn at the
-full resolution: the rig waits meanwhile for nobody, so its clock goes on. `test_default_rig.py` is the test.
+full resolution: the rig waits meanwhile for nobody, so its clock goes on. `test_default_rig.py` is the test, and
+`school_session.py` counts how often attempts succeed.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import re
 import sys
 import tempfile
@@ -270,40 +269,6 @@ def begin_again(mouse: Mouse) -> None:
     )  # fmt: skip
 
 
-def five(runs: int = 5) -> None:
-    """Do it five times, and write what came of it beside the results of the benchmarks."""
-    courses = []
-    for _ in range(runs):
-        with tempfile.TemporaryDirectory() as made, newcomer(Path(made)) as mouse:
-            mouse.arrive()
-            courses.append(attempt(mouse))
-            begin_again(mouse)
-        print(courses[-1], flush=True)
-    good = sum(each.headline.startswith("Well done") and each.clock_s <= MOST_S for each in courses)
-    rows = [
-        f"| {k} | {each.headline} | {each.clock_s:.0f} | {each.since_page_s:.0f} | {each.score} | {each.not_counted} |"
-        for k, each in enumerate(courses, 1)
-    ]
-    table = [
-        "| run | the page says | clock, s | since the page, s | score | beside it |",
-        "|---|---|---|---|---|---|",
-        *rows,
-    ]
-    text = _RESULT.format(table="\n".join(table), good=good, runs=runs, most_s=MOST_S, cores=os.cpu_count())
-    RESULT.write_text(text, encoding="utf-8")
-
-
-RESULT = Path(__file__).parents[2] / "benchmarks" / "results" / "newcomer.md"
-_RESULT = """# A newcomer with a mouse
-
-Written by `python -m tests.page.newcomer`: a scripted browser follows what the page says, by mouse events alone, and
-begins again from the page. {good} of {runs} runs reach the goal of `basic` within {most_s:.0f} s of the attempt's
-clock. The browser draws on the processor, on the same {cores} cores as the rig.
-
-{table}
-"""
-
-
 def strip(path: Path, columns: int = 3, width: int = 480) -> None:
     """Write what the newcomer sees at each stage, from left to right and down."""
     seen: list[Image.Image] = []
@@ -330,4 +295,4 @@ def strip(path: Path, columns: int = 3, width: int = 480) -> None:
 
 
 if __name__ == "__main__":
-    strip(Path(sys.argv[1])) if sys.argv[1:] else five()
+    strip(Path(sys.argv[1]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import shutil
 import socket
 import struct
 import threading
@@ -28,7 +29,10 @@ from trocar.protocol import bodies
 from trocar.review.attempts.assessment import Assessment, Series
 from trocar.review.school.app import build_app as build_school
 from trocar.review.school.bench import Bench
-from trocar.services.runtime.config.config import load_rig
+from trocar.review.school.settings_routes import Settings
+from trocar.review.settings.files import ConfigurationFiles
+from trocar.review.settings.host import Host
+from trocar.services.runtime.config.config import config_directory, load_rig
 from trocar.services.supervisor.page.school import socket_path
 from trocar.services.supervisor.page.web import PageContext, build_app
 from trocar.services.training.errors import ErrorEvent
@@ -114,13 +118,15 @@ def school_page(folder: Path, size: tuple[int, int] = (1280, 800)) -> Iterator[S
         show = stack.enter_context(Show(0.2))
         show.layout, show.picture = still()
         bench = Bench(str(folder / "a.sqlite"))
-        settings = load_rig("mouse", (f"transport.directory={folder / 'bus'}",))
+        places = (f"transport.directory={folder / 'bus'}", f"recorder.directory={folder / 'recordings'}")
+        settings = load_rig("mouse", places)
         context = PageContext(
             rig=settings, scene="default", registries={}, ask=lambda _: bodies.Answer(order=0, ok=True, text="done"),
             healthy=lambda: (True, "running"), view_port=lambda: show.port, token=TOKEN, switches=True,
         )  # fmt: skip
         body = msgspec.to_builtins(supervisor.shown(supervisor.Bench(supervisor.rig())))
-        stack.enter_context(_listening(build_school(bench), socket_path(settings.transport)))
+        of_rig = Settings(ConfigurationFiles(_copied(folder)), Host(settings, ("mouse", ()), "default"))
+        stack.enter_context(_listening(build_school(bench, of_rig), socket_path(settings.transport)))
         [address] = stack.enter_context(served(build_app(context)))
         browser = stack.enter_context(Chromium(folder / "profile", size))
         page = SchoolPage(browser, context, bench, address, _body={**body, "state": "running", "safe_stop": False})
@@ -132,6 +138,13 @@ def school_page(folder: Path, size: tuple[int, int] = (1280, 800)) -> Iterator[S
         context.ask = ask
         page.tell()
         yield page
+
+
+def _copied(folder: Path) -> Path:
+    """Return a configuration folder that may be written into."""
+    for kind in ("rigs", "scenes", "devices"):
+        shutil.copytree(config_directory() / kind, folder / "configs" / kind, dirs_exist_ok=True)
+    return folder / "configs"
 
 
 @contextmanager

@@ -166,12 +166,12 @@ class CatheterBody:
     def save_start(self) -> None:
         """Save the state at the start of a step beside `step_arrays`."""
         slow = self.state.slow_velocity_m_s
-        self._saved_flags = self._was_touched, self._was_woken, self.slept
+        self._saved_flags = self._was_touched, self._was_woken, self.slept, self.n_own_rows
         self._saved_slow = None if slow is None else slow.copy()
 
     def restore_start(self) -> None:
         """Restore it."""
-        self._was_touched, self._was_woken, self.slept = self._saved_flags
+        self._was_touched, self._was_woken, self.slept, self.n_own_rows = self._saved_flags
         self.state.slow_velocity_m_s = self._saved_slow
 
     def take_back(self, share: float) -> None:

@@ -1,9 +1,11 @@
-"""Capsule against capsule: segments of tools against segments of the catheter, and the catheter against itself.
+"""Capsules and spheres against segments of the catheter: segments of tools, its own other strands, and stones.
 
-The normal of each pair of segments within reach is stored. If the axes have passed through each other, the new normal
-is opposite to the stored one: then the stored one is kept and the distance is negative, so that bodies cannot pass
-through each other. At a free end the normal may rotate freely. Every segment of the catheter within reach is a pair of
-its own, so that two parallel bodies cannot rotate about a single contact.
+The normal of each pair within reach is stored. If the axes come nearer than half of their distance in contact, or have
+passed through each other, the stored normal is kept and the distance is that along it, negative beyond the axis, so
+that bodies cannot pass through each other. Only at a free end of a tool may the normal rotate freely. Elsewhere bodies
+that stay apart cannot turn it by a right angle within a step: they would have to move by more than their distance, and
+a joint between two segments is no end. Every segment of the catheter within reach is a pair of its own, so that two
+parallel bodies cannot rotate about a single contact.
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ from typing import Annotated
 
 from trocar.services.mechanics.arrays import BoolArray, ByteArray, FloatArray
 from trocar.services.mechanics.collision.candidate_list import LOOK_AHEAD_M
-from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at, write_pair
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, SHAFT, ContactPairs, write_pair
 from trocar.services.mechanics.collision.primitives import closest_of_segments
 from trocar.services.mechanics.compiled import kernel
-from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.struct import Struct, reader
 from trocar.services.mechanics.compiled.vectors import (
     Vector,
     along,
@@ -26,7 +28,6 @@ from trocar.services.mechanics.compiled.vectors import (
     row,
     row_of,
     scaled,
-    squared_distance,
     subtract,
     unit,
 )
@@ -37,6 +38,13 @@ Tools = tuple[FloatArray, FloatArray, BoolArray]
 Segment = tuple[Vector, Vector]
 """Start and end."""
 
+Ends = tuple[bool, bool]
+"""Whether a body ends where its segment starts, and where it ends: there a normal may rotate freely."""
+NO_END: Ends = (False, False)
+
+#: Distance of two axes, as a fraction of that in contact, below which the direction between them tells no side: a small
+#: motion turns it by any angle.
+UNRELIABLE_DEPTH = 0.5
 #: Distance of two axes below which the direction between them is undefined; smaller differences of distances are zero.
 _NO_DIRECTION_M = 1e-9
 
@@ -46,6 +54,7 @@ class CapsuleMemory(Struct):
 
     active: Annotated[ByteArray, "m", "n"]  # one where the pair was within reach at the last tick
     normal: Annotated[FloatArray, "m", "n", 3]  # towards the first body, of active pairs
+    n_apart: int = 0  # from so many segments apart on the catheter touches itself; 0 if it does not
 
     def reset(self) -> None:
         """Clear the state of every pair."""
@@ -57,15 +66,17 @@ capsules_at = reader(CapsuleMemory)
 
 @kernel
 def track_pair(
-    memory: CapsuleMemory, i: int, j: int, first: Segment, second: Segment, reach: float
+    memory: CapsuleMemory, place: tuple[int, int], first: Segment, second: Segment, limits: tuple[float, float, Ends]
 ) -> tuple[float, float, float, Vector]:
     """Return (s, t, signed distance of the axes in m, normal towards the first segment), and store the normal.
 
-    Out of reach the distance is infinite.
+    ``place`` is the pair's in the memory, ``limits`` are (reach in m, distance of the axes in contact in m, free ends
+    of the first body). Out of reach the distance is infinite.
     """
+    (i, j), (reach, apart_m, free) = place, limits
     was_active = memory.active[i, j] == 1
     side = row_of(memory.normal, i, j) if was_active else (0.0, 0.0, 0.0)
-    s, t, distance, normal = measure_pair(first, second, side)
+    s, t, distance, normal = measure_pair(first, second, side, (apart_m, free))
     if not abs(distance) < reach:
         memory.active[i, j] = 0
         return (s, t, math.inf, normal)
@@ -77,14 +88,22 @@ def track_pair(
 
 
 @kernel
-def measure_pair(first: Segment, second: Segment, side: Vector) -> tuple[float, float, float, Vector]:
-    """Return the tuple of `track_pair` for two segments whose last normal was ``side``."""
+def measure_pair(
+    first: Segment, second: Segment, side: Vector, limits: tuple[float, Ends]
+) -> tuple[float, float, float, Vector]:
+    """Return the tuple of `track_pair` for two segments whose last normal was ``side``, zero if there was none.
+
+    ``limits`` are its last two.
+    """
     s, t, d2 = closest_of_segments(first[0], first[1], second[0], second[1])
-    distance, normal = math.sqrt(d2), side
+    distance, normal, between = math.sqrt(d2), side, vector_between(first, second, s, t)
     if distance > _NO_DIRECTION_M:
-        normal = scaled(vector_between(first, second, s, t), 1.0 / distance)
-    if 0.0 < s < 1.0 and dot(normal, side) < 0.0:
-        return s, t, -distance, scaled(normal, -1.0)
+        normal = scaled(between, 1.0 / distance)
+    apart_m, free = limits
+    is_free = (free[0] and s == 0.0) or (free[1] and s == 1.0)
+    is_known = not is_free and dot(side, side) > 0.0
+    if is_known and (distance < UNRELIABLE_DEPTH * apart_m or dot(normal, side) < 0.0):
+        return s, t, dot(between, side), side
     return s, t, distance, normal
 
 
@@ -92,6 +111,18 @@ def measure_pair(first: Segment, second: Segment, side: Vector) -> tuple[float, 
 def ends_of(ends: FloatArray, i: int) -> Segment:
     """Return start and end of piece i of ``ends`` (p, 2, 3)."""
     return row_of(ends, i, 0), row_of(ends, i, 1)
+
+
+@kernel
+def segment_at(particles: FloatArray, j: int) -> Segment:
+    """Return segment j of the catheter."""
+    return row(particles, j), row(particles, j + 1)
+
+
+@kernel
+def free_ends(segment: int, has_jaws: bool) -> Ends:
+    """Return where a segment of a tool is an end of the tool; a shaft without length, a sphere, has no side."""
+    return segment == SHAFT, segment != SHAFT or not has_jaws
 
 
 @kernel
@@ -118,12 +149,13 @@ def detect_capsules(
             if not present[tool] or radius[tool, segment] <= 0.0:
                 memory.active[i, j] = 0
                 continue
-            second, apart_m = (row(particles, j), row(particles, j + 1)), radius[tool, segment] + sizes[0][j]
+            second, apart_m = segment_at(particles, j), radius[tool, segment] + sizes[0][j]
             reach, first = apart_m + max(sizes[1], LOOK_AHEAD_M), ends_of(segments[tool], segment)
-            if _boxes_are_apart(first, second, reach):
+            if boxes_are_apart(first, second, reach):
                 memory.active[i, j], last_t = 0, 0.0
                 continue
-            s, t, distance, normal = track_pair(memory, i, j, first, second, reach)
+            limits = reach, apart_m, free_ends(segment, radius[tool, JAW_A] > 0.0)
+            s, t, distance, normal = track_pair(memory, (i, j), first, second, limits)
             if distance - apart_m < sizes[1] and not (t == 0.0 and last_t == 1.0):
                 pair = (tool, segment, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
                 write_pair(pairs, pair, distance - apart_m, normal)
@@ -131,7 +163,7 @@ def detect_capsules(
 
 
 @kernel
-def _boxes_are_apart(first: Segment, second: Segment, reach: float) -> bool:
+def boxes_are_apart(first: Segment, second: Segment, reach: float) -> bool:
     """Return whether the boxes round two segments, along the axes, are further apart than ``reach``."""
     (a, b), (c, d) = first, second
     for axis in range(3):
@@ -139,53 +171,3 @@ def _boxes_are_apart(first: Segment, second: Segment, reach: float) -> bool:
         if apart > reach:
             return True
     return False
-
-
-@kernel
-def self_clearance_m(particles: FloatArray, n_apart: int, thickness: float) -> float:
-    """Return a lower bound (m) on the gap between any two segments that `detect_self` may pair."""
-    least = math.inf
-    for i in range(particles.shape[0] - 1):
-        first = row(particles, i), row(particles, i + 1)
-        for j in range(i + n_apart, particles.shape[0] - 1):
-            half, middles_2 = _halves_and_middles(first, (row(particles, j), row(particles, j + 1)))
-            least = min(least, 0.5 * math.sqrt(middles_2) - half - thickness)
-    return least
-
-
-@kernel
-def _halves_and_middles(first: Segment, second: Segment) -> tuple[float, float]:
-    """Return the sum of half of both lengths, and four times the squared distance of the midpoints."""
-    (a, b), (c, d) = first, second
-    half = 0.5 * (math.sqrt(squared_distance(a, b)) + math.sqrt(squared_distance(c, d)))
-    return half, squared_distance(along(a, b, 1.0), along(c, d, 1.0))
-
-
-@kernel
-def detect_self(
-    addresses: tuple[Address[CapsuleMemory], Address[ContactPairs]],
-    particles: FloatArray,
-    n_apart: int,
-    sizes: tuple[float, float],
-) -> None:
-    """Append pairs of segments of one catheter; ``sizes`` is (its diameter, margin) in m.
-
-    The indices of both segments differ by at least ``n_apart``, which is 2 or more: neighbours always touch, and a
-    catheter cannot be bent to a radius below about its own.
-    """
-    memory, pairs, (thickness, margin) = capsules_at(addresses[0]), pairs_at(addresses[1]), sizes
-    n = memory.active.shape[0]
-    for i in range(n):
-        first = row(particles, i), row(particles, i + 1)
-        for j in range(i + n_apart, n):
-            second = row(particles, j), row(particles, j + 1)
-            half, middles_2 = _halves_and_middles(first, second)
-            # If the midpoints are further from each other than both halves plus the reach, the segments cannot touch.
-            if middles_2 > 4.0 * (half + thickness + margin) ** 2:
-                memory.active[i, j] = 0
-                continue
-            s, t, distance, normal = track_pair(memory, i, j, first, second, thickness + margin)
-            # Two segments that share a particle would give the same pair twice: only the later one is written.
-            if distance - thickness < margin and (s < 1.0 or i == n - 1) and (t < 1.0 or j == n - 1):
-                pair = (NO_TOOL, 0, i, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
-                write_pair(pairs, pair, distance - thickness, normal)

@@ -59,6 +59,44 @@ class SavedArrays:
         """Overwrite the live arrays with their copies."""
         copy_arrays(self._restore)
 
+    def are_as_saved(self) -> bool:
+        """Return whether all live arrays are, number by number, as they were at the last `save`."""
+        return all(map(np.array_equal, self._live, self._copies))
+
+
+class SavedRows:
+    """Copies of the first rows of live arrays, contiguous and only changed in place.
+
+    Args:
+        live: Sequence of arrays with the same number of rows.
+
+    Attributes:
+        count: int. Rows of each array that were saved last.
+    """
+
+    def __init__(self, live: Sequence[AnyArray]) -> None:
+        self._live, self._copies, self.count = live, [array.copy() for array in live], 0
+        n_rows = len(live[0])
+        self._save, self._restore = copy_table(self._copies, live), copy_table(live, self._copies)
+        for table in (self._save, self._restore):
+            table[:, 2] //= n_rows
+
+    def save(self, count: int) -> None:
+        """Copy the first ``count`` rows."""
+        self.count = count
+        copy_rows_of_arrays(self._save, count)
+
+    def restore(self) -> None:
+        """Overwrite the live arrays' first rows with their copies."""
+        copy_rows_of_arrays(self._restore, self.count)
+
+
+@kernel
+def copy_rows_of_arrays(table: LongArray, count: int) -> None:
+    """Copy the first ``count`` rows of arrays, whose bytes a row are those listed in a `copy_table` (k, 3)."""
+    for row in range(table.shape[0]):
+        _copy_bytes(table[row, 0], table[row, 1], count * table[row, 2])
+
 
 PAGE_WORDS = 512
 """Numbers of 8 bytes in a page of memory."""

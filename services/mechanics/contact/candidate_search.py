@@ -29,6 +29,7 @@ from trocar.services.mechanics.collision.placed_wall import (
     place_requested,
     place_wall,
 )
+from trocar.services.mechanics.collision.strands import detect_spheres, detect_strands
 from trocar.services.mechanics.collision.wall_candidates import (
     WallCandidates,
     follow_end,
@@ -93,7 +94,7 @@ class CandidateSearch:
         # Contacts that are not priced at the end of a step have rows before they touch.
         is_priced = shares_load and scene.catheter.integrator == "implicit"
         self._row_gap_m = self._catheter_ahead_m = IMPLIED_M if is_priced else max(margin_m - TOUCHING_M, 0.0)
-        self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=n_segments)
+        self._n_apart = 0
         self._make_room(wall_candidates(duct, self._end, self._along_m))
 
     def _make_room(self, known: WallCandidates) -> None:
@@ -109,14 +110,22 @@ class CandidateSearch:
             found=Candidates.zeros(c=CAPACITY),
             violations=Candidates.zeros(c=CAPACITY),
             working=WorkingSet.zeros(rest=rest, first_sphere=self._end, **sizes),
-            capsules=self._capsules,
+            capsules=CapsuleMemory.zeros(m=n_pieces, n=self._end - N_TOOL_PIECES, n_apart=self._n_apart),
             tools_at_start=ToolPoses.zeros(),
             margin_m=self._margin_m,
         )
-        self._depths_m = np.zeros(n_pieces + N_TOOL_PIECES)
+        self._depths_m = np.zeros(2 * n_pieces)
+
+    def set_strands(self, n_apart: int) -> None:
+        """Find contacts of the catheter's segments that are at least so many apart, on the sides they are on now.
+
+        With 0 the catheter does not touch itself.
+        """
+        self._n_apart = self._arrays.capsules.n_apart = n_apart
+        self._arrays.capsules.active[N_TOOL_PIECES : self._end] = 0
 
     def set_spheres(self, spheres: Spheres) -> None:
-        """Find contacts of spheres with the wall too; again once there are more of them."""
+        """Find contacts of spheres with wall and catheter too; again once there are more of them."""
         self._make_room(wall_candidates(self._duct, self._end + spheres.count, self._along_m, self._arrays.known))
 
     @property
@@ -145,7 +154,7 @@ class CandidateSearch:
         self._arrays.is_measured = False
 
     def write_pairs(self, state: Address[ContactState], pairs: ContactPairs) -> None:
-        """Append the chosen candidates and pairs of tools with the catheter; engage tools that overlap no body."""
+        """Append the chosen candidates and pairs with the catheter; engage tools that overlap no body."""
         write_pairs(self._arrays.address, state, pairs.address)
 
     def price(self, system: ContactSystem, tolerance_m: float, pairs: ContactPairs) -> int:
@@ -155,7 +164,7 @@ class CandidateSearch:
         return int(price_end(addresses, duct.lasting_loads, tolerance_m, pairs.address))
 
     def depths_m(self, system: ContactSystem, share: float) -> FloatArray:
-        """Return how deep each piece is in the wall, and those of tools in the catheter; a live view.
+        """Return how deep each piece is in the wall, and after them in the catheter; a live view.
 
         Bodies are measured where they are now, stones at ``share`` of the step.
         """
@@ -181,7 +190,7 @@ class CandidateSearch:
         """Clear the working set, because bodies have been put elsewhere."""
         self._arrays.working.life[:], self._arrays.working.n_members = 0, 0
         self._arrays.known.is_new, self._arrays.is_measured = True, False
-        self._capsules.reset()
+        self._arrays.capsules.reset()
 
     @property
     def dropped(self) -> int:
@@ -296,13 +305,17 @@ def _write_bodies(listed: CandidateList, state: ContactState, particles: FloatAr
 def write_pairs(
     address: Address[SearchArrays], state_address: Address[ContactState], pairs_address: Address[ContactPairs]
 ) -> None:
-    """Append the chosen candidates, and between tools and catheter all pairs within the margin, and engage tools."""
+    """Append the chosen candidates, and all pairs with the catheter within the margin, and engage tools."""
     search, geometry, pairs = search_at(address), state_at(state_address).geometry, pairs_at(pairs_address)
     tools, rod = geometry.tools, geometry.rod
     write_chosen(search.found, search.working, (0, N_TOOL_PIECES), pairs)
     poses = tools.segments, tools.radius, tools.present
-    detect_capsules(search.capsules, pairs, poses, rod.position, (rod.radius, search.margin_m))
+    sizes, spheres = (rod.radius, search.margin_m), geometry.spheres
+    detect_capsules(search.capsules, pairs, poses, rod.position, sizes)
     write_chosen(search.found, search.working, (N_TOOL_PIECES, search.ahead.shape[0]), pairs)
+    detect_strands(search.capsules, pairs, rod.position, sizes)
+    bodies = spheres.start, spheres.motion, spheres.radius
+    detect_spheres(search.capsules, pairs, bodies, spheres.count, rod.position, sizes)
     engage_tools(search.found, pairs, geometry)
 
 

@@ -94,11 +94,11 @@ class HoldRegistry:
 
     def save_start(self) -> None:
         """Save the state at the start of a step that is not in `step_arrays`."""
-        self._saved = dict(self.active), set(self.lost), self._stops
+        self._saved = dict(self.active), set(self.lost), self._stops, self.rows
 
     def restore_start(self) -> None:
         """Restore the saved state; holds that are still active keep their newest request."""
-        active, lost, self._stops = self._saved
+        active, lost, self._stops, self.rows = self._saved
         self.active = {hold_id: self.active.get(hold_id, request) for hold_id, request in active.items()}
         self.lost.intersection_update(lost)
         self.lost.update(lost)

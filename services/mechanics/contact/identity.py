@@ -5,10 +5,9 @@ Its bit fields, from the lowest:
 ======== ==== =================================================
 target     24 triangle of the duct or segment of the catheter
 kind        1 `pairs.DUCT_TRIANGLE` or `pairs.CATHETER_SEGMENT`
-particle   20 first particle of the catheter's side, plus 1
+particle   20 first particle of the catheter's side, plus 1; stones are numbered after its segments
 segment     2 `SHAFT`, `JAW_A` or `JAW_B`
 tool        2 tool, plus 1
-stone       7 gallstone, plus 1
 law         7 number of the contact law
 ======== ==== =================================================
 
@@ -35,8 +34,7 @@ TARGET_KIND = BitField(24, 1 << 1)
 PARTICLE = BitField(25, 1 << 20)
 SEGMENT = BitField(45, 1 << 2)
 TOOL = BitField(47, 1 << 2)
-STONE = BitField(49, 1 << 7)
-LAW = BitField(56, 1 << 7)
+LAW = BitField(49, 1 << 7)
 
 
 @kernel
@@ -44,12 +42,6 @@ def pair_identity(tool: int, segment: int, particle: int, target_kind: int, targ
     """Return the identity of a detected pair; ``tool`` may be `NO_TOOL`, and ``particle`` -1 for none."""
     first_body = ((tool + 1) << TOOL.shift) | (segment << SEGMENT.shift) | ((particle + 1) << PARTICLE.shift)
     return first_body | (target_kind << TARGET_KIND.shift) | (target << TARGET.shift)
-
-
-@kernel
-def with_stone(identity: int, stone: int) -> int:
-    """Return the identity of a pair whose first body is a gallstone."""
-    return identity | ((stone + 1) << STONE.shift)
 
 
 @kernel

@@ -22,16 +22,25 @@ from trocar.services.mechanics.collision.candidates import (
     offset,
     put,
 )
-from trocar.services.mechanics.collision.capsules import CapsuleMemory, ends_of, measure_pair, vector_between
+from trocar.services.mechanics.collision.capsules import (
+    NO_END,
+    CapsuleMemory,
+    ends_of,
+    free_ends,
+    measure_pair,
+    vector_between,
+)
 from trocar.services.mechanics.collision.pairs import (
     CATHETER_SEGMENT,
     DUCT_TRIANGLE,
+    JAW_A,
     NO_TOOL,
     SHAFT,
     ContactPairs,
     write_pair,
 )
 from trocar.services.mechanics.collision.pieces import N_TOOL_PIECES, owner_of, write_piece_pair
+from trocar.services.mechanics.collision.strands import first_target, is_of_neighbour
 from trocar.services.mechanics.compiled import inlined_kernel, kernel
 from trocar.services.mechanics.compiled.vectors import Vector, dot, row, row_of, scaled, squared_distance, unit
 from trocar.services.mechanics.contact.clearance import jaw_surface, overlap_in_jaws, piece_can_touch
@@ -207,25 +216,21 @@ def _write_violation(
 def write_capsule_violations(
     given: tuple[CandidateList, CapsuleMemory, ContactState, ContactPairs], start: FloatArray, tolerance_m: float
 ) -> int:
-    """Append pairs of tools with segments of the catheter that end too deep, and correct rows at such places.
+    """Append pairs of pieces with segments of the catheter that end too deep, and correct rows at such places.
 
+    Pieces are those of tools, other strands of the catheter, and stones.
     Return the number of both. ``start`` (p, 2, 3) are the ends of the pieces at the start of the step. A pair keeps the
     side on which it began.
     """
     listed, memory, state, pairs = given
-    tools, half_m, count = state.geometry.tools, state.geometry.wall.half_thickness, 0
-    for i in range(N_TOOL_PIECES):
-        is_held = i % 3 != SHAFT and tools.held[i // 3, CATHETER_SEGMENT]
-        rest_offset_m = tools.rest_offset[i // 3, CATHETER_SEGMENT] if is_held else 0.0
-        for j in range(memory.active.shape[1]):
+    tools, count = state.geometry.tools, 0
+    for i in range(memory.active.shape[0]):
+        for j in range(first_target(memory, i), memory.active.shape[1]):
             if memory.active[i, j] == 0 or not piece_can_touch(tools, i):
                 continue
-            side, apart_m = row_of(memory.normal, i, j), listed.thickness[i] + listed.thickness[N_TOOL_PIECES + j]
-            apart_m -= 2.0 * half_m + rest_offset_m
-            first, second = ends_of(listed.ends, i), ends_of(listed.ends, N_TOOL_PIECES + j)
-            s, t, distance, normal = measure_pair(first, second, side)
-            is_again = t == 0.0 and j > 0 and memory.active[i, j - 1] == 1
-            if is_again or distance - apart_m >= -tolerance_m:
+            side = row_of(memory.normal, i, j)
+            s, t, distance, normal, apart_m = _measure_capsules(listed, memory, state, (i, j))
+            if distance - apart_m >= -tolerance_m or is_of_neighbour(memory, (i, j), s, t):
                 continue
             covering, corrected = _correct_capsule_rows(
                 state, (i, j), (t, MARGIN * tolerance_m), normal, distance - apart_m
@@ -239,22 +244,39 @@ def write_capsule_violations(
                 normal = unit(away)
             count += 1
             if pairs.count < min(MAX_NEW_ROWS, n_free_rows(state.rows)):
-                pair = (i // 3, i % 3, -1, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
+                tool, segment, particle = owner_of(i)
+                pair = (tool, segment, particle, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
                 write_pair(pairs, pair, distance - apart_m, normal)
     return count
+
+
+@inlined_kernel
+def _measure_capsules(
+    listed: CandidateList, memory: CapsuleMemory, state: ContactState, pair: tuple[int, int]
+) -> tuple[float, float, float, Vector, float]:
+    """Return those of `measure_pair` for (piece, segment of the catheter), and the distance (m) at which they touch."""
+    (p, j), tools, rest_offset_m, free = pair, state.geometry.tools, 0.0, NO_END
+    apart_m = listed.thickness[p] + listed.thickness[N_TOOL_PIECES + j] - 2.0 * state.geometry.wall.half_thickness
+    if p < N_TOOL_PIECES:
+        free = free_ends(p % 3, tools.radius[p // 3, JAW_A] > 0.0)
+        if p % 3 != SHAFT and tools.held[p // 3, CATHETER_SEGMENT]:
+            rest_offset_m = tools.rest_offset[p // 3, CATHETER_SEGMENT]
+    first, second = ends_of(listed.ends, p), ends_of(listed.ends, N_TOOL_PIECES + j)
+    s, t, distance, normal = measure_pair(first, second, row_of(memory.normal, p, j), (apart_m, free))
+    return s, t, distance, normal, apart_m - rest_offset_m
 
 
 @inlined_kernel
 def _correct_capsule_rows(
     state: ContactState, pair: tuple[int, int], place: tuple[float, float], normal: Vector, end_m: float
 ) -> tuple[int, int]:
-    """Return how many rows couple a piece of a tool with a segment here, and how many have been corrected.
+    """Return how many rows couple a piece with a segment here, and how many have been corrected.
 
     ``place`` is (place along the segment, depth in m beyond which nothing may deepen), ``end_m`` as for `_correct_row`.
     """
     (i, j), (t, most_m), covering, corrected = pair, place, 0, 0
     rows, motion = state.rows, state.problem.motion
-    identity = pair_identity(i // 3, i % 3, -1, CATHETER_SEGMENT, j)
+    identity = pair_identity(*owner_of(i), CATHETER_SEGMENT, j)
     for at in range(rows.n_contacts):
         is_there = rows.identity[at] == identity and abs(rows.rod_weight[at, 3] + t) < SAME_POINT
         if is_there and dot(row_of(rows.frame, at, 0), normal) > SAME_NORMAL:
@@ -267,7 +289,7 @@ def _correct_capsule_rows(
 def write_depths(
     given: tuple[CandidateList, Found, CapsuleMemory, ContactState], start: Where, out: FloatArray
 ) -> None:
-    """Write how deep each piece (p,) is in the wall, and after them each piece of a tool in the catheter, in m.
+    """Write how deep each piece (p,) is in the wall, and after them how deep each is in the catheter, in m.
 
     Candidates have been measured where the bodies are, in a step that began at ``start``. A depth has the side of the
     start, and no part that jaws have squeezed away.
@@ -279,15 +301,11 @@ def write_depths(
     for i in range(found.count):
         p = found.piece[i]
         out[p] = max(out[p], -found.gap_m[i])
-    tools, half_m, first = state.geometry.tools, state.geometry.wall.half_thickness, listed.ends.shape[0]
-    for i in range(N_TOOL_PIECES):
-        is_held = i % 3 != SHAFT and tools.held[i // 3, CATHETER_SEGMENT]
-        rest_offset_m = tools.rest_offset[i // 3, CATHETER_SEGMENT] if is_held else 0.0
-        for j in range(memory.active.shape[1]):
+    tools, first = state.geometry.tools, listed.ends.shape[0]
+    for i in range(memory.active.shape[0]):
+        for j in range(first_target(memory, i), memory.active.shape[1]):
             if memory.active[i, j] == 1 and piece_can_touch(tools, i):
-                apart_m = listed.thickness[i] + listed.thickness[N_TOOL_PIECES + j] - 2.0 * half_m - rest_offset_m
-                pair = ends_of(listed.ends, i), ends_of(listed.ends, N_TOOL_PIECES + j)
-                distance = measure_pair(pair[0], pair[1], row_of(memory.normal, i, j))[2]
+                _, _, distance, _, apart_m = _measure_capsules(listed, memory, state, (i, j))
                 out[first + i] = max(out[first + i], apart_m - distance)
 
 

@@ -9,12 +9,12 @@ from trocar.services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Struct, reader
 from trocar.services.mechanics.compiled.vectors import Vector, combine, dot, row_of
-from trocar.services.mechanics.contact.identity import STONE, TARGET_KIND, part_of
+from trocar.services.mechanics.contact.identity import TARGET_KIND, part_of
 from trocar.services.mechanics.scene.tools import N_TOOLS
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
-NO_STONE = -1
-N_BODIES = 1 + N_TOOLS + STONE.size  # the catheter, tools and stones
+NO_STONE, MAX_STONES = -1, 127  # a byte tells so many apart
+N_BODIES = 1 + N_TOOLS + MAX_STONES  # the catheter, tools and stones
 # In `ContactRows.pressure_n`: friction is bounded by the present normal force; it keeps its present value, which the
 # pressure that is subtracted from this number bounded.
 PRESENT, KEPT = -1.0, -2.0

@@ -10,11 +10,10 @@ from typing import Annotated
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import inlined_kernel, kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct
-from trocar.services.mechanics.contact.identity import STONE
-from trocar.services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
+from trocar.services.mechanics.contact.rows import MAX_STONES, NO_STONE, ContactRows, rows_at
 
-#: Maximum number of spheres, because identities of contacts cannot distinguish more.
-MAX_SPHERES = STONE.size - 1
+#: Maximum number of spheres.
+MAX_SPHERES = MAX_STONES
 
 
 class Spheres(Struct):

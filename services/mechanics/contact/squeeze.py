@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from trocar.services.mechanics.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS
 from trocar.services.mechanics.bodies.forceps.solid_wall import (
     SolidWall,
@@ -101,6 +101,10 @@ class JawSqueeze:
     def stored_j(self) -> float:
         """Energy that the squeezed wall and catheter store, in J."""
         return float(self.arrays.stored_j.sum())
+
+    def step_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that a step changes before it is accepted."""
+        return self.arrays.own_memory()
 
     def forget(self) -> None:
         """Release all cells and the catheter, and clear their stored energy."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray, FloatArray
 from trocar.services.mechanics.collision.pairs import NO_TOOL, ContactPairs
+from trocar.services.mechanics.compiled.memory import SavedRows
 from trocar.services.mechanics.contact import stages
 from trocar.services.mechanics.contact.geometry import Bodies, ContactGeometry
 from trocar.services.mechanics.contact.implicit import ImplicitStrategy
@@ -69,6 +70,7 @@ class ContactSystem:
         self.dropped_pairs = 0
         self._first_new = 0
         self._applied_forces = self._saved = False
+        self._kept_rows = SavedRows([*self.rows.own_memory()[1:], self.force_n, self.slides])
         self._vanished_load, self._vanished_load_is_stored = np.zeros(bodies.duct.state.q.size), False
 
     @property
@@ -98,6 +100,15 @@ class ContactSystem:
         """Restore the saved state. The last step's rows are lost; `remove_vanished_tools` has stored their load."""
         self._applied_forces = self._saved
         self._vanished_load_is_stored = True
+
+    def keep_rows(self) -> None:
+        """Keep the rows of this step with their forces, until others are."""
+        self._kept_rows.save(self.rows.n_contacts)
+
+    def bring_rows_back(self) -> None:
+        """Replace the rows by those that were kept last: nobody has borne the forces of those since."""
+        self.rows.n_contacts = self._kept_rows.count
+        self._kept_rows.restore()
 
     def remove_vanished_tools(self) -> None:
         """Remove from the duct the forces of the last step that were exerted by tools that have vanished."""
@@ -156,6 +167,7 @@ class ContactSystem:
         """Remove the contacts of this step, and clear the memory of forces."""
         self.clear()
         self.clear_forces()
+        self.keep_rows()
         self._vanished_load_is_stored = False
 
     def apply(self, tool_force: FloatArray) -> None:

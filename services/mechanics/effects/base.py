@@ -137,10 +137,6 @@ class Effect:
         """Add to the bodies' external loads, which are zero at the start of every step."""
         raise NotImplementedError
 
-    def add_pairs(self, world: World, dt_s: float) -> None:
-        """Append candidate pairs of the catheter to ``world.pairs``."""
-        raise NotImplementedError
-
     def add_rows(self, world: World, dt_s: float) -> None:
         """Append contact rows of the effect's own bodies or laws to ``world.system.rows``."""
         raise NotImplementedError
@@ -176,7 +172,6 @@ STAGES = (
     "body_acceleration_m_s2",
     "prepare",
     "add_loads",
-    "add_pairs",
     "add_rows",
     "add_motion",
     "set_friction",

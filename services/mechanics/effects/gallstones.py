@@ -9,22 +9,13 @@ from typing import Annotated
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL
-from trocar.services.mechanics.collision.primitives import parameter_on_segment
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
-from trocar.services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract, write_frame
-from trocar.services.mechanics.contact.geometry import ContactGeometry, geometry_at
-from trocar.services.mechanics.contact.identity import pair_identity, with_stone
-from trocar.services.mechanics.contact.laws import number_of
-from trocar.services.mechanics.contact.rows import ContactRows, rows_at
+from trocar.services.mechanics.contact.rows import ContactRows
 from trocar.services.mechanics.contact.spheres import MAX_SPHERES, add_sphere_forces
-from trocar.services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
 from trocar.services.mechanics.effects.base import Effect, require_not_negative, require_positive
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.world import World
-
-_UNILATERAL = number_of("unilateral")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +92,6 @@ class Gallstones(Effect):
         """Predict the stones without contact."""
         predict_stones(self._stones.address, dt_s)
 
-    def add_rows(self, world: World, dt_s: float) -> None:
-        """Append stones against the catheter; those against the wall are found with all others."""
-        system = world.system
-        for stone in range(self._first, self._first + len(self.radius_m)):
-            append_on_catheter(system.rows.address, system.geometry.address, stone, world.scene.contact.margin_m)
-
     def after_solve(self, world: World, dt_s: float) -> None:
         """Apply the contact forces."""
         system = world.system
@@ -166,45 +151,3 @@ def push_stones(
             lost_j += dt_s * stones.drag[stone] * velocity * velocity
             lost_j += 0.5 * stones.mass[stone] * (velocity - stones.start_velocity[stone, axis]) ** 2
     return lost_j
-
-
-@kernel
-def append_on_catheter(
-    rows_address: Address[ContactRows], geometry_address: Address[ContactGeometry], stone: int, margin: float
-) -> None:
-    """Append the stone against the closest point of each catheter segment within a margin of its surface.
-
-    The margin grows by their relative motion in the step: a stone released by a tool meets the catheter at more than
-    1 m/s.
-    """
-    rows, geometry = rows_at(rows_address), geometry_at(geometry_address)
-    rod, spheres = geometry.rod, geometry.spheres
-    centre, radius = row(spheres.start, stone), spheres.radius[stone]
-    for segment in range(rod.position.shape[0] - 1):
-        s = parameter_on_segment(centre, (row(rod.position, segment), row(rod.position, segment + 1)))
-        away = subtract(centre, _between(rod.position, segment, s))
-        slip = subtract(row(spheres.motion, stone), _between(rod.motion, segment, s))
-        distance = math.sqrt(dot(away, away))
-        # A particle between two segments belongs to the one before it, the tip to the last.
-        if (s == 0.0 and segment > 0) or distance == 0.0:
-            continue
-        if distance > radius + rod.radius[segment] + margin + math.sqrt(dot(slip, slip)):
-            continue
-        at = append_row(rows, _UNILATERAL, with_stone(pair_identity(NO_TOOL, 0, -1, CATHETER_SEGMENT, segment), stone))
-        if at == NO_ROOM:
-            continue
-        rows.stone[at] = stone
-        put_on_rod(rows, at, TARGET_SIDE, (segment, segment + 1), (s - 1.0, -s))
-        normal = rows.frame[at, 0]
-        for axis in range(3):
-            normal[axis] = away[axis] / distance
-            rows.point_m[at, axis] = centre[axis] - radius * normal[axis]
-            rows.slip_m[at, axis] = slip[axis]
-        write_frame(normal, rows.frame[at])
-        rows.gap_m[at] = distance - radius - rod.radius[segment]
-
-
-@kernel
-def _between(points: FloatArray, segment: int, s: float) -> Vector:
-    """Interpolate at ``s`` between a row of points (n, 3) and the next."""
-    return along(scaled(row(points, segment), 1.0 - s), row(points, segment + 1), s)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.collision.capsules import CapsuleMemory, detect_self, self_clearance_m
+from trocar.services.mechanics.collision.strands import self_clearance_m
 from trocar.services.mechanics.effects.base import Effect, require_positive
 from trocar.services.mechanics.world import World
 
@@ -25,7 +25,7 @@ class SelfContactSettings:
 
 
 class SelfContact(Effect):
-    """Contacts between segments of the catheter, solved with all the others.
+    """Contacts between segments of the catheter, found, solved and priced with all the others.
 
     Detection remembers on which side of each other two segments are, so strands pressed into each other are pushed back
     and not through.
@@ -35,23 +35,21 @@ class SelfContact(Effect):
     can_rest = True
 
     def prepare(self, world: World) -> None:
-        """Convert the distance in diameters to one in segments."""
+        """Convert the distance in diameters to one in segments, and let them be found."""
         catheter = world.catheter
         properties, radius_m = catheter.properties, catheter.radius_m
         between = math.ceil(self.settings.neighbour_diameters * 2.0 * radius_m / properties.segment_length_m)
-        self._n_apart, self._sizes_m = max(between, 2) + 1, (2.0 * radius_m, world.scene.contact.margin_m)
-        n = properties.n_particles - 1
-        self._memory = CapsuleMemory.zeros(m=n, n=n)
+        self._n_apart, self._thickness_m, self._search = max(between, 2) + 1, 2.0 * radius_m, world.search
+        self._search.set_strands(self._n_apart)
 
     def most_motion_m(self, particles_m: FloatArray) -> float:
         """Return half the least gap: two strands may close it from both sides."""
-        return 0.5 * float(self_clearance_m(particles_m, self._n_apart, self._sizes_m[0]))
+        return 0.5 * float(self_clearance_m(particles_m, self._n_apart, self._thickness_m))
+
+    def rest(self) -> None:
+        """Let strands pass through each other."""
+        self._search.set_strands(0)
 
     def wake(self) -> None:
-        """Reset the sides of strands, which may have crossed meanwhile, to the present ones."""
-        self._memory.reset()
-
-    def add_pairs(self, world: World, dt_s: float) -> None:
-        """Append pairs of segments within the margin."""
-        addresses = self._memory.address, world.pairs.address
-        detect_self(addresses, world.catheter.start_m, self._n_apart, self._sizes_m)
+        """Find strands again, on the sides of each other that they are on now."""
+        self._search.set_strands(self._n_apart)

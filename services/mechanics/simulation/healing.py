@@ -1,12 +1,13 @@
 """Detection of unsound states at the end of a step, and recovery from them.
 
 A state is sound if it is physically possible: all numbers are finite, the catheter is neither torn nor too fast, and
-its axis does not pierce the wall. Recovery restores the start of the step, at rest and with unstretched couplings,
-because otherwise the restored state would return energy that has been dissipated.
+its axis does not pierce the wall. No solved motion takes a body through another, see `motion_share`: what is left are
+states that a caller has set, and numbers that no solve can mend. Recovery restores the start of the step, at rest and
+with unstretched couplings, because otherwise the restored state would return energy that has been dissipated. If that
+start is not sound either, because a caller has set it, the last sound copy is restored.
 
-The cause may act again at once. If the start of the step is not sound either, or the last recovery was at most `AGAIN`
-steps ago, an older copy is restored, and after that the first state of all. From the second recovery in a row on, tools
-have no contact until they have been withdrawn.
+The cause may act again at once. If the last recovery was at most `AGAIN` steps ago, tools have no contact until they
+have been withdrawn.
 """
 
 from __future__ import annotations
@@ -77,15 +78,15 @@ class Healer:
         self._live = LiveState.of(world)
         live = [array for body in (world.duct, world.catheter, world.tools) for array in body.state_arrays()]
         live += [array for effect in world.effects for array in effect.state_arrays()]
-        self._late, self._first = SavedArrays(live), SavedArrays(live)
-        self._has_first, self._sound_steps, self._in_a_row, self.healed = False, 0, 0, 0
+        self._sound = SavedArrays(live)
+        self._has_sound, self._sound_steps, self.healed = False, 0, 0
 
     def begin(self) -> None:
         """Refuse an invalid initial state.
 
         Raises ValueError: it holds a NaN or an infinity before the first step.
         """
-        if not self._has_first and not numbers_are_finite(self._live.address):
+        if not self._has_sound and not numbers_are_finite(self._live.address):
             raise ValueError("the state of catheter, duct or tools holds a NaN or an infinity before the first step")
 
     def watch(self) -> bool:
@@ -95,21 +96,18 @@ class Healer:
         """
         is_sound = state_is_sound(self._live.address) and self._world.search.is_sound()
         if is_sound and self._sound_steps % AGAIN == 0:
-            self._late.save()
-            if not self._has_first:
-                self._first.save()
-            self._has_first = True
+            self._sound.save()
+            self._has_sound = True
         self._sound_steps += is_sound
-        return is_sound or not self._has_first
+        return is_sound or not self._has_sound
 
     def heal(self) -> None:
-        """Restore the start of the step, or an older state, at rest and with all holds released."""
+        """Restore the start of the step, or the last sound copy, at rest and with all holds released."""
         world = self._world
-        self._in_a_row = 1 if self._sound_steps > AGAIN else self._in_a_row + 1
         self._start.restore()
-        if self._in_a_row > 1 or not state_is_sound(self._live.address):
-            (self._late if self._in_a_row <= 2 else self._first).restore()
-        if self._in_a_row > 1:
+        if not state_is_sound(self._live.address):
+            self._sound.restore()
+        if self.healed > 0 and self._sound_steps <= AGAIN:
             world.tools.present[:] = False  # a tool that reappears inside a body has no contact, see `engagement`
         self.healed, self._sound_steps = self.healed + 1, 1
         for body in (world.duct, world.catheter, world.tools):

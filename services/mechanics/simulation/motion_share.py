@@ -6,7 +6,8 @@ both, so what is stored at a share is at most what the same share of the work ha
 part, at rest: it is always sound.
 
 A share is sound if each piece is no deeper there than two tolerances of the price, or than it was at the start: what
-ended at a tolerance, and has no row yet, may move on.
+ended at a tolerance, and has no row yet, may move on. What began deeper keeps the depth it began with as its limit, so
+that it does not creep by rounding from part to part.
 """
 
 from __future__ import annotations
@@ -25,7 +26,11 @@ LOOKS, CAUTION = 4, 0.9
 
 
 class MotionShare:
-    """Finds the largest sound share of the motion of a part of a step, and takes the motion back to it."""
+    """Finds the largest sound share of the motion of a part of a step, and takes the motion back to it.
+
+    Attributes:
+        looks: int. How often the last call of `find` has measured depths.
+    """
 
     def __init__(self, world: World, start: StepStart) -> None:
         self._world = world
@@ -41,12 +46,14 @@ class MotionShare:
         self._ends = SavedArrays([*linear, *duct.load_arrays()])
         self._to = {id(array): self._ends.saved(array) for array in linear}
         self._loads_to = [self._ends.saved(array) for array in duct.load_arrays()]
+        self.looks, self._limit_m = 0, np.zeros(0)
 
     def find(self, tolerance_m: float, most: float) -> float:
         """Return a share of the motion that is sound, at most ``most``, or 0; bodies are left at some share."""
         self._ends.save()
+        self.looks = 0
         begun_m, share = self._depths_m(0.0).copy(), most
-        sound_m = np.maximum(begun_m, MARGIN * tolerance_m) + ROUNDING_M
+        sound_m = self._limits_m(begun_m, MARGIN * tolerance_m) + ROUNDING_M
         for _ in range(LOOKS + 1):
             depth_m = self._depths_m(share)
             deep = ~(depth_m <= sound_m)  # also what is no number
@@ -64,7 +71,16 @@ class MotionShare:
         self._world.catheter.take_back(share)
         self._world.search.restore_start()
 
+    def _limits_m(self, begun_m: FloatArray, least_m: float) -> FloatArray:
+        """Return the depth at which each piece is still sound, from those at the start of the part."""
+        if self._limit_m.shape != begun_m.shape:
+            self._limit_m = np.zeros_like(begun_m)
+        is_deeper = begun_m > self._limit_m + ROUNDING_M  # than a share may be: it has become so by itself
+        self._limit_m[:] = np.maximum(np.where(is_deeper, begun_m, np.minimum(self._limit_m, begun_m)), least_m)
+        return self._limit_m
+
     def _depths_m(self, share: float) -> FloatArray:
+        self.looks += 1
         self._put(self._places, share)
         self._put_loads(share)
         return self._world.search.depths_m(self._world.system, share)

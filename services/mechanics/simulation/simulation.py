@@ -23,6 +23,7 @@ from trocar.services.mechanics.contact.local_stiffness import LocalStiffness
 from trocar.services.mechanics.contact.rows import ContactRows
 from trocar.services.mechanics.contact.system import DroppedContacts
 from trocar.services.mechanics.contact.tool_loads import report
+from trocar.services.mechanics.contact.working_set import tolerated_overlap_m
 from trocar.services.mechanics.effects import act, build_effects, by_stage
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.rod.free_step import continue_sleep
@@ -31,13 +32,14 @@ from trocar.services.mechanics.scene.argument_checks import ArgumentChecks
 from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from trocar.services.mechanics.simulation.healing import Healer
 from trocar.services.mechanics.simulation.inside_watch import InsideWatch
-from trocar.services.mechanics.simulation.motion_share import LOOKS, MotionShare
+from trocar.services.mechanics.simulation.motion_share import MotionShare
 from trocar.services.mechanics.simulation.scene_catheter import place_catheter
 from trocar.services.mechanics.simulation.scene_world import build_world
 from trocar.services.mechanics.simulation.sound_start import begin_sound
 from trocar.services.mechanics.simulation.step_solver import PRICING_PRODUCTS, StepSolver
 from trocar.services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
 from trocar.services.mechanics.simulation.step_start import StepStart
+from trocar.services.mechanics.simulation.stuck_world import StuckWorld
 
 LONGEST_TICK_S = 1.0
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
@@ -102,10 +104,13 @@ class Simulation:
             effect.prepare(world)
         self.solver = StepSolver(world, self._tool_force)
         self._start = StepStart(
-            world, [*self.grasps, *(drive for drive in (self.drive, self.wire_drive) if drive is not None)]
+            world,
+            [*self.grasps, *(drive for drive in (self.drive, self.wire_drive) if drive is not None)],
+            self._tool_force,
         )
         self._motion_share = MotionShare(world, self._start)
         self._healer = Healer(world, self._start)
+        self._stuck = StuckWorld(world, tolerated_overlap_m(scene.duct.thickness_m))
         for name in scene.quality[0].without:
             self.effects[name].rest()
         self._use_rung(0)
@@ -129,6 +134,9 @@ class Simulation:
         self._healer.begin()
         self.solver.products = 0
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
+        self._stuck.begin(tools)
+        if self._fading:
+            self._stuck.forget()
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
         for _ in range(steps):
             if not self._step_in_parts(tools, dt_s / steps):
@@ -168,9 +176,12 @@ class Simulation:
 
         One that is not accepted is taken back to its largest sound share, and the rest of its time follows in parts of
         its own; if less than half of it is sound, it is taken in halves, down to the shortest. Time that is left when
-        the tick's products are spent, or by one of the shortest, does not happen.
+        the tick's products are spent, or by one of the shortest, does not happen. What has failed from here is not
+        tried again.
         """
-        if self.solver.is_spent:
+        if self._stuck.fails(dt_s) and dt_s > SHORTEST_STEP_S:
+            return all(self._take_part(tools, dt_s / 2) for _ in range(2))
+        if self.solver.is_spent or self._stuck.fails(dt_s):
             self.withheld_s += dt_s
             return True
         self.duct.change_step(dt_s)
@@ -183,32 +194,40 @@ class Simulation:
             self.share = self._find_share(dt_s)
             if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
                 self._start.restore()
+                self._stuck.note_failed(dt_s)
                 return all(self._take_part(tools, dt_s / 2) for _ in range(2))
             self._take_back()
         share = self.share
         if share > 0.0:
             self._correct(dt_s)
+            self.system.keep_rows()
+            self._stuck.forget()
+        else:
+            self._stuck.note_rest(tools, dt_s)
         if self.watcher is not None:
             self.watcher.end(share * dt_s)
         return self._healer.watch() and (share == 1.0 or self._go_on(tools, dt_s, share))
 
     def _find_share(self, dt_s: float) -> float:
-        """Return how much of the solved motion is sound, in whole eighths of a part or in the shortest parts.
+        """Return how much of the solved motion is sound, in whole shortest parts or eighths, whichever is more.
+
+        In eighths, because a motion of ever smaller shares would never end.
 
         Without prices nothing tells how deep bodies are at a share: all of it counts.
         """
         if not self.solver.prices:
             return 1.0
         share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share)
-        self.solver.products += LOOKS * PRICING_PRODUCTS
-        quantum = max(0.125, SHORTEST_STEP_S / dt_s)
-        return share if share == 1.0 or quantum >= 1.0 else quantum * math.floor(share / quantum)
+        self.solver.products += self._motion_share.looks * PRICING_PRODUCTS
+        quantum = max(0.125, SHORTEST_STEP_S / dt_s) if dt_s >= 2.0 * SHORTEST_STEP_S else 0.125
+        return quantum * math.floor(share / quantum)
 
     def _take_back(self) -> None:
         """Take the motion of a part back to its sound share; at none of it, everything rests where it was."""
         share = self.share
         if share == 0.0:
             self._start.restore()
+            self.system.bring_rows_back()
             self.duct.halt()
             self.catheter.state.halt()
         elif share < 1.0:
@@ -267,6 +286,7 @@ class Simulation:
         if self.wire_drive is not None:
             self.wire_drive.let_go()
         self._tool_force[:] = 0.0
+        self.share = 1.0
         self._use_rung(self.quality_level)
 
     @property
@@ -339,6 +359,7 @@ class Simulation:
         acting = [e for name, e in self.effects.items() if e in self._fading or name not in self.rung.without]
         self._stages = by_stage(acting)
         self.solver.use(self._stages, self.rung.iterations)
+        self._stuck.forget()
 
     def _collect(self, tools: ToolInputs, dt_s: float) -> None:
         """Make contact rows of the selected candidates and of the holds."""
@@ -355,7 +376,6 @@ class Simulation:
         self.holds.follow(wanted if self.drive is None else [*wanted, *self.drive.holds()])
         if self.holds.has_begun:
             set_rest_offsets(pairs.address, system.geometry.address, tools.holds is not None)
-        act(self._stages, "add_pairs", self.world, dt_s)
         system.append(pairs)
         act(self._stages, "add_rows", self.world, dt_s)
         self.holds.append_rows()
@@ -387,9 +407,12 @@ class Simulation:
         self.cost_ns[-2] += perf_counter_ns() - start_ns
 
     def write_report(self) -> None:
-        """Write the forces on the tools at the end of a tick, whatever its number of substeps."""
+        """Write what the tools feel at the end of a tick, whatever its number of substeps.
+
+        Of a part of which nothing has happened nothing is felt: forces are those before it, and so is the stiffness.
+        """
         self.max_penetration_m = report(self.system.address, self._tool_force, self._report)
-        if self.system.strategy.keeps_delassus and self.is_felt:
+        if self.system.strategy.keeps_delassus and self.is_felt and self.share > 0.0:
             self._stiffness.write()
         if self.wire_drive is not None:
             self.wire_drive.felt_stiffness(self.tool_results.stiffness_n_m)

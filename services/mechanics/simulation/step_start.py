@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from trocar.services.mechanics.arrays import AnyArray
+from trocar.services.mechanics.arrays import AnyArray, FloatArray
 from trocar.services.mechanics.compiled.memory import SavedArrays
 from trocar.services.mechanics.world import World
 
@@ -23,11 +23,17 @@ class RestartablePart(Protocol):
 class StepStart:
     """The complete state at the start of a step, so that a rejected step leaves no trace.
 
-    Arrays that are written only at the end of an accepted step, or overwritten before they are read, are not saved.
+    So nothing is felt of it either: ``tool_force`` is that on the tools. Arrays that are written only at the end of an
+    accepted step, or overwritten before they are read, are not saved.
     """
 
-    def __init__(self, world: World, tools: Sequence[RestartablePart]) -> None:
-        live = [*world.seal.step_arrays(), *(array for effect in world.effects for array in effect.state_arrays())]
+    def __init__(self, world: World, tools: Sequence[RestartablePart], tool_force: FloatArray) -> None:
+        live = [
+            tool_force,
+            *world.squeeze.step_arrays(),
+            *world.seal.step_arrays(),
+            *(array for effect in world.effects for array in effect.state_arrays()),
+        ]
         for part in (world.duct, world.catheter, world.tools, world.system, world.holds):
             live += part.step_arrays()
         self._arrays = SavedArrays(live)

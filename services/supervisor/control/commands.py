@@ -16,7 +16,7 @@ import trocar.protocol.bodies as bodies
 if TYPE_CHECKING:
     from trocar.services.supervisor.control.supervisor import Supervisor
 
-What = Literal["arm", "safe_stop", "attempt", "replay", "switch"]
+What = Literal["arm", "safe_stop", "attempt", "replay", "switch", "restart"]
 Reply = Callable[[bodies.Answer], object]
 #: A command is answered this long before its sender gives up, whatever is known by then.
 _EARLY_S = 0.6
@@ -94,6 +94,8 @@ class Commands:
                 self._rig.shown.obey(command.line)
             case "switch":
                 self._rig.switch(command.line, command.who)
+            case "restart":
+                self._rig.restart(command.who)
 
     def _outcome(self, command: Command, asked_s: float, ends: bool) -> bodies.Answer | None:
         """Return the outcome of a command, None while it is undecided."""
@@ -101,7 +103,8 @@ class Commands:
             return self._at_the_hands(command.what, asked_s, ends)
         if command.order is not None:
             return self._of_the_attempt(command.order, ends)
-        return _answer(True, f"{command.line} begins: a few seconds." if command.what == "switch" else "done")
+        begins = {"switch": command.line, "restart": "the rig"}.get(command.what)
+        return _answer(True, f"{begins} begins: a few seconds." if begins else "done")
 
     def _at_the_hands(self, what: What, asked_s: float, ends: bool) -> bodies.Answer | None:
         done = "armed" if what == "arm" else "safe stop"

@@ -68,6 +68,7 @@ class Supervisor:
         self.incarnation = new_incarnation()
         self.commands = Commands(self)
         self.page_address = self.next_scenario = ""
+        self.begins_again = False
         self.token_sha256 = ""
         self.start_notice = ""  # what a person should know while it starts
         self.shown: ShownRecording | None = None
@@ -123,6 +124,11 @@ class Supervisor:
         """Request the end of this session and a new one with another scenario; `who` requested it."""
         self.say("info", f"supervisor: scenario {scenario} asked for by {who}")
         self.next_scenario = scenario
+
+    def restart(self, who: str) -> None:
+        """Request the end of this session and a new one with what its files say by then; `who` requested it."""
+        self.say("info", f"supervisor: a new start asked for by {who}")
+        self.begins_again = True
 
     def step(self, now_s: float) -> None:
         """Take one turn at `now_s` of the monotonic clock."""

@@ -22,7 +22,8 @@ class PageSetup(msgspec.Struct, frozen=True):
     """The first message to the page. `rig` is the rig as JSON, with defaults and overrides.
 
     `switches` tells whether the session can switch to another scenario; `fingerprint` is that of the certificate by
-    which the page is encrypted, empty without one; `scene_overrides` are those of the command line.
+    which the page is encrypted, empty without one; `scene_overrides` are those of the command line, and `asked` is what
+    the rig was started with: the name of its file, and all overrides.
     """
 
     rig: str
@@ -31,6 +32,7 @@ class PageSetup(msgspec.Struct, frozen=True):
     switches: bool = False
     fingerprint: str = ""
     scene_overrides: tuple[str, ...] = ()
+    asked: tuple[str, tuple[str, ...]] = ("", ())
 
 
 class RigStatus(msgspec.Struct, frozen=True):

@@ -97,6 +97,7 @@ def build_app(context: PageContext) -> Starlette:
         Route("/api/attempt", page.attempt, methods=["POST"]),
         Route("/api/replay", page.replay, methods=["POST"]),
         Route("/api/scenario", page.scenario, methods=["POST"]),
+        Route("/api/restart", page.restart, methods=["POST"]),
         Route("/school/{path:path}", page.school, methods=["GET", "POST", "PUT"]),
         Route("/metrics", page.metrics),
         Route("/healthz", page.healthz),
@@ -225,14 +226,23 @@ class _Endpoints:
 
     async def scenario(self, request: Request) -> Response:
         """End the present run and start the scenario named in the body, at this address."""
-        if (refusal := self._refusal(request)) is not None:
+        if (refusal := self._refusal(request) or self._no_switch()) is not None:
             return refusal
-        if not self._context.switches:
-            return JSONResponse({"error": "this rig cannot be switched: it was not started by `trocar up`"}, 409)
         name = (await _short(request)).decode("utf-8", "replace")
         if name not in (known := scenario_names()):
             return JSONResponse({"error": f"there is no scenario {name[:64]!r}; known: {', '.join(known)}"}, 400)
         return await self._ask(request, "switch", line=name)
+
+    async def restart(self, request: Request) -> Response:
+        """End the present run and start another with what its files say now, at this address; for an instructor."""
+        if self._role(request) != "instructor":
+            return JSONResponse({"error": "only an instructor, with the class's token, may start the rig anew"}, 403)
+        return self._no_switch() or await self._ask(request, "restart")
+
+    def _no_switch(self) -> Response | None:
+        if self._context.switches:
+            return None
+        return JSONResponse({"error": "this rig cannot be switched: it was not started by `trocar up`"}, 409)
 
     async def _ask(self, request: Request, what: What, order: bodies.Order | None = None, line: str = "") -> Response:
         """Pass on a command, and wait for its outcome."""

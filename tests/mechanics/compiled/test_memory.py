@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trocar.services.mechanics.compiled.memory import PAGE_WORDS, SavedArrays, SavedPages, copy_arrays, copy_table
+from trocar.services.mechanics.compiled.memory import (
+    PAGE_WORDS,
+    SavedArrays,
+    SavedPages,
+    SavedRows,
+    copy_arrays,
+    copy_table,
+)
 
 
 def test_arrays_of_any_kind_are_copied_and_nothing_beside_them() -> None:
@@ -32,6 +39,29 @@ def test_what_was_saved_last_comes_back() -> None:
     saved.restore()
     np.testing.assert_array_equal(live[0], 2.0)
     np.testing.assert_array_equal(live[1], 2)
+
+
+def test_arrays_are_as_saved_until_a_number_of_one_of_them_is_another() -> None:
+    live = [np.zeros((4, 3)), np.arange(5)]
+    saved = SavedArrays(live)
+    assert saved.are_as_saved()
+    live[0][3, 2] = 1e-300
+    assert not saved.are_as_saved()
+    saved.save()
+    assert saved.are_as_saved()
+
+
+def test_rows_that_were_saved_come_back_and_no_others() -> None:
+    live = [np.arange(12.0).reshape(4, 3), np.arange(4, dtype=np.int8), np.arange(8.0).reshape(4, 2, 1)]
+    saved = SavedRows(live)
+    saved.save(2)
+    for array in live:
+        array[:] = -1
+    saved.restore()
+    assert saved.count == 2
+    np.testing.assert_array_equal(live[0], [[0, 1, 2], [3, 4, 5], [-1, -1, -1], [-1, -1, -1]])
+    np.testing.assert_array_equal(live[1], [0, 1, -1, -1])
+    np.testing.assert_array_equal(live[2][:, :, 0], [[0, 1], [2, 3], [-1, -1], [-1, -1]])
 
 
 @pytest.mark.parametrize("size", [1, PAGE_WORDS - 1, PAGE_WORDS, 5 * PAGE_WORDS + 7])

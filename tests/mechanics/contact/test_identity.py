@@ -8,7 +8,6 @@ from trocar.services.mechanics.contact.identity import (
     LAW,
     PARTICLE,
     SEGMENT,
-    STONE,
     TARGET,
     TARGET_KIND,
     TOOL,
@@ -16,7 +15,6 @@ from trocar.services.mechanics.contact.identity import (
     pair_identity,
     part_of,
     with_law,
-    with_stone,
     without_target,
 )
 
@@ -27,7 +25,7 @@ PAIRS = st.tuples(
     st.integers(0, TARGET_KIND.size - 1),
     st.integers(0, TARGET.size - 1),
 )
-STONES, LAWS = st.integers(-1, STONE.size - 2), st.integers(0, LAW.size - 1)
+LAWS = st.integers(0, LAW.size - 1)
 
 
 def mask(field):
@@ -36,19 +34,19 @@ def mask(field):
 
 def test_fields_do_not_overlap_and_leave_the_sign():
     taken = 0
-    for field in (TARGET, TARGET_KIND, PARTICLE, SEGMENT, TOOL, STONE, LAW):
+    for field in (TARGET, TARGET_KIND, PARTICLE, SEGMENT, TOOL, LAW):
         assert taken & mask(field) == 0
         taken |= mask(field)
     assert taken < 1 << 63
 
 
 @settings(deadline=None)  # the first example compiles
-@given(PAIRS, STONES, LAWS)
-def test_every_part_is_found_again(pair, stone, law):
-    identity = with_law(with_stone(pair_identity(*pair), stone), law)
+@given(PAIRS, LAWS)
+def test_every_part_is_found_again(pair, law):
+    identity = with_law(pair_identity(*pair), law)
     parts = [part_of(identity, field) for field in (TOOL, SEGMENT, PARTICLE, TARGET_KIND, TARGET)]
     assert parts == [pair[0] + 1, pair[1], pair[2] + 1, pair[3], pair[4]]
-    assert (part_of(identity, STONE), part_of(identity, LAW)) == (stone + 1, law)
+    assert part_of(identity, LAW) == law
 
 
 @settings(deadline=None)  # the first example compiles

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from trocar.services.mechanics.collision.pieces import N_TOOL_PIECES
 from trocar.services.mechanics.scene import QualityLevel
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
@@ -99,12 +100,14 @@ def test_an_effect_that_comes_back_moves_nothing_by_itself(resting_scene, small_
 
 def test_strands_that_crossed_while_self_contact_rested_are_told_apart_anew(resting_scene, small_duct):
     simulation = Simulation(resting_scene, small_duct)
-    memory = simulation.effects["self_contact"]._memory
-    memory.active[0, 9] = 1
+    memory = simulation.search._arrays.capsules
+    strands = memory.active[N_TOOL_PIECES:]
+    strands[0, 9] = 1
     simulation.set_quality(1)
-    assert memory.active[0, 9] == 1
+    simulation.step(ToolInputs())
+    assert not strands.any()
     simulation.set_quality(0)
-    assert not memory.active.any()
+    assert not strands.any()
 
 
 class Parts:

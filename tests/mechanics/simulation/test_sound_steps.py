@@ -13,6 +13,7 @@ from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation, step_solver
 from trocar.services.mechanics.simulation.sound_start import begin_sound
 from trocar.studies.judge.overlaps import OverlapJudge
+from trocar.studies.stability.finely import contact_forces_n
 
 ROUNDING_M = 1e-6
 """The judge and the price measure walls that are placed by different sums."""
@@ -111,3 +112,149 @@ def test_a_particle_has_one_film_of_mucus_however_many_facets_it_is_near(with_ef
     films = np.flatnonzero(rows.law[: rows.n_contacts] == number_of("film"))
     assert sorted(rows.rod_node[films, 0]) == list(range(11))
     assert (rows.tool[films] == NO_TOOL).all()
+
+
+@pytest.fixture
+def without_rows(small_scene, small_duct, monkeypatch):
+    """A world in which two tools have come down as far as is sound where nothing ever gets a row."""
+    simulation = Simulation(small_scene, small_duct)
+    press(simulation, 5)
+    monkeypatch.setattr(simulation.search, "write_pairs", lambda state, pairs: None)
+    monkeypatch.setattr(step_solver, "MOST_PRODUCTS", 1)
+    press(simulation, 60)
+    return simulation
+
+
+def test_a_stuck_world_is_tried_again_only_when_a_hand_a_load_or_the_state_is_another(without_rows, monkeypatch):
+    simulation, tools, tries = without_rows, ToolInputs(), []
+    tools.position_m[:] = (20e-3, 0.0, 15e-3), (30e-3, 3e-3, 15e-3)
+    move = simulation._move
+    monkeypatch.setattr(simulation, "_move", lambda *given: tries.append(1) or move(*given))
+
+    def tries_of_a_tick():
+        tries.clear()
+        before_s, before = simulation.withheld_s, simulation.catheter.state.position_m.copy()
+        simulation.step(tools)
+        if not tries:
+            assert simulation.withheld_s == pytest.approx(before_s + 1e-3)
+            assert simulation.solver.products == 0
+            assert np.array_equal(before, simulation.catheter.state.position_m)
+        return len(tries)
+
+    def is_left_alone():
+        """Whether that comes to be so: each tick may find a little motion that is sound, in parts that are shorter."""
+        return any(tries_of_a_tick() == 0 for _ in range(200)) and [tries_of_a_tick() for _ in range(3)] == [0, 0, 0]
+
+    assert tries_of_a_tick() == 1, "the products of a tick are spent by one try"
+    assert is_left_alone()
+    tools.position_m[0, 0] += 10e-6
+    assert tries_of_a_tick() == 0, "so little changes nothing"
+    tools.position_m[0, 0] += 0.1e-3
+    assert tries_of_a_tick() > 0, "a hand has moved"
+    assert is_left_alone()
+    simulation.catheter.constant_force_n[-1, 2] += 1e-9
+    assert tries_of_a_tick() > 0, "a load is another"
+
+
+def test_a_stuck_world_moves_on_as_soon_as_there_is_a_sound_motion(without_rows, monkeypatch):
+    simulation, tools = without_rows, ToolInputs()
+    tools.position_m[:] = (20e-3, 0.0, 15e-3), (30e-3, 3e-3, 15e-3)
+    for _ in range(5):
+        simulation.step(tools)
+    before_s = simulation.withheld_s
+    tools.position_m[:, 2] += 30e-3
+    for _ in range(20):
+        simulation.step(tools)
+    assert simulation.withheld_s - before_s < 3e-3
+    assert (simulation.tools.proxy[:, 2] > 20e-3).all()
+
+
+def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, small_duct, monkeypatch):
+    """The forces of a try that came to nothing are borne by nobody."""
+    simulation = Simulation(small_scene, small_duct)
+    press(simulation, 40)
+    felt = simulation.tool_results
+    names = "force_n", "port_moment_nm", "grasp_torque_nm", "proxy_position_m"
+    before = {name: getattr(felt, name).copy() for name in names}
+    assert np.linalg.norm(before["force_n"]) > 0.01
+
+    def solve(dt_s):
+        simulation.contacts.force_n[:], simulation.system.force_n[:] = 50.0, 50.0
+        simulation.solver.tool_force[:] = 100.0
+        simulation.solver.products += step_solver.MOST_PRODUCTS
+        return False
+
+    monkeypatch.setattr(simulation.solver, "solve", solve)
+    monkeypatch.setattr(simulation._motion_share, "find", lambda *_: 0.0)
+    simulation.step(ToolInputs(position_m=simulation.tools.hand[:, :3] - [0.0, 0.0, 1e-3]))
+    assert simulation.withheld_s == pytest.approx(1e-3)
+    for name, value in before.items():
+        assert np.array_equal(getattr(felt, name), value), name
+    assert contact_forces_n(simulation) == pytest.approx(felt.force_n, abs=1e-12)
+
+
+def falls_freely(simulation, monkeypatch):
+    """Let contacts have no force, so that only the share of the motion keeps bodies out of each other."""
+
+    def solve(dt_s):
+        simulation.system.clear()
+        simulation.system.clear_forces()
+        simulation.solver._apply()
+        return not simulation.solver.pricing.finds_violations()
+
+    monkeypatch.setattr(simulation.solver, "solve", solve)
+
+
+def absent():
+    return ToolInputs(present=np.zeros(2, np.bool_))
+
+
+def test_strands_of_a_catheter_keep_the_share_of_their_motion_at_which_they_are_clear(
+    with_effects, small_duct, monkeypatch
+):
+    scene = with_effects(self_contact={})
+    catheter = replace(scene.catheter, anchor="free", tip_position_m=(100e-3, 50e-3, 0.0), n_segments=40)
+    simulation = Simulation(replace(scene, catheter=catheter), small_duct)
+    state, judge = simulation.catheter.state, OverlapJudge(simulation)
+    angle = np.linspace(0.0, 2.3 * np.pi, 41)
+    radius_m = 0.1 / (2.3 * np.pi)
+    line = np.stack([0.1 + radius_m * np.cos(angle), 0.1 + radius_m * np.sin(angle), 0.4e-3 * angle], axis=1)
+    state.position_m[:] = line
+    simulation.step(absent())
+    falls_freely(simulation, monkeypatch)
+    deepest_m = []
+    state.velocity_m_s[20:, 2] = -1.5
+    for _ in range(3):
+        simulation.step(absent())
+        deepest_m.append(judge.look()["strands"])
+    tolerance_m = tolerated_overlap_m(scene.duct.thickness_m)
+    assert tolerance_m < max(deepest_m) < MARGIN * tolerance_m + ROUNDING_M
+    assert simulation.healed_states == 0
+
+
+def test_a_stone_keeps_the_share_of_its_motion_at_which_it_is_clear_of_the_catheter(
+    with_effects, small_duct, monkeypatch
+):
+    simulation = Simulation(with_effects(gallstones={}), small_duct)
+    stone, rod, judge = simulation.effects["gallstones"], simulation.catheter, OverlapJudge(simulation)
+    apart_m = stone.radius_m[0] + rod.radius_m
+    stone.position_m[0] = rod.state.position_m[15] + [0.0, apart_m + 0.2e-3, 0.0]
+    falls_freely(simulation, monkeypatch)
+    deepest_m = []
+    for _ in range(10):
+        stone.velocity_m_s[0] = 0.0, -0.5, 0.0
+        simulation.step(absent())
+        deepest_m.append(judge.look()["stones"])
+    tolerance_m = tolerated_overlap_m(simulation.scene.duct.thickness_m)
+    assert tolerance_m < max(deepest_m) < MARGIN * tolerance_m + ROUNDING_M
+    assert simulation.withheld_s > 5e-3
+
+
+def test_only_the_looks_that_were_made_are_charged(small_scene, small_duct):
+    """The start, and the whole motion if that is sound."""
+    simulation = Simulation(small_scene, small_duct)
+    press(simulation, 5)
+    simulation._start.save()
+    simulation._move(ToolInputs(position_m=simulation.tools.hand[:, :3].copy()), 1e-3)
+    assert simulation._motion_share.find(30e-6, 1.0) == 1.0
+    assert simulation._motion_share.looks == 2

@@ -41,7 +41,7 @@ def done(text: str, ok: bool = True) -> Answers:
     return [bodies.Answer(order=0, ok=ok, text=text)]
 
 
-@pytest.mark.parametrize("what", ["arm", "safe_stop", "attempt", "switch"])
+@pytest.mark.parametrize("what", ["arm", "safe_stop", "attempt", "switch", "restart"])
 @pytest.mark.parametrize(("before_s", "other"), [(-11.0, 0), (0.4, 0), (0.9, 0), (float("nan"), 0), (2.5, 1)])
 def test_what_its_sender_has_given_up_on_or_meant_for_another_run_is_not_done(
     bench: Bench, what: What, before_s: float, other: int
@@ -52,6 +52,13 @@ def test_what_its_sender_has_given_up_on_or_meant_for_another_run_is_not_done(
     assert said.text.endswith("nothing was done")
     body = bench.supervisor.body()
     assert (body.armed, body.safe_stop, body.orders, bench.supervisor.next_scenario) == (0, False, (), "")
+    assert not bench.supervisor.begins_again
+
+
+def test_a_new_start_is_answered_and_asked_for(bench: Bench) -> None:
+    assert ask(bench, "restart") == done("the rig begins: a few seconds.")
+    assert bench.supervisor.begins_again
+    assert bench.supervisor.next_scenario == ""
 
 
 def test_a_safe_stop_is_answered_when_the_gateway_has_let_go(bench: Bench) -> None:

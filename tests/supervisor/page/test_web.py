@@ -372,3 +372,16 @@ def test_a_rig_that_nobody_begins_anew_is_not_switched(context: PageContext, ask
     assert asked.commands == []
     assert client.post("/api/scenario", token, b"narrow").status_code == 200
     assert [each.line for each in asked.commands] == ["narrow"]
+
+
+def test_only_an_instructor_begins_the_rig_anew(context: PageContext, asked: Asked) -> None:
+    context.class_token = "of the class"
+    instructor = {**_may(context), "X-Trocar-Token": context.class_token}
+    client = Client(build_app(context))
+    assert client.post("/api/restart", instructor).status_code == 409, "it was not started by `trocar up`"
+    context.switches = True
+    for other in ({}, _may(context)):
+        assert client.post("/api/restart", other).status_code == 403
+    assert asked.commands == []
+    assert client.post("/api/restart", instructor).status_code == 200
+    assert [each.what for each in asked.commands] == ["restart"]

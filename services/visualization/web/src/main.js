@@ -12,6 +12,7 @@ import { RigStream } from "./dashboard/stream.js";
 import { Hands } from "./hands/hands.js";
 import { translatePage } from "./school/i18n.js";
 import { SchoolPage } from "./school/school.js";
+import { SettingsPage } from "./settings/settings.js";
 import { viewAddress } from "./address.js";
 import { hear } from "./command.js";
 import { ViewStream } from "./view/stream.js";
@@ -24,6 +25,7 @@ const PICTURE_FIRST_MS = 5000;
 const orders = new Orders((text, ok) => instructor.say(text, ok));
 const instructor = new Instructor(orders), attempt = new AttemptPanel(orders), replay = new ReplayBar();
 const school = new SchoolPage(orders, () => view, () => hands);
+const settings = new SettingsPage(orders, school.sheet, () => view);
 const dashboard = new Dashboard({
   peaks: () => view?.takePeaks() ?? [],
   period: () => (view?.software ? (view.slow ? 3000 : 900) : 0),
@@ -32,10 +34,10 @@ const dashboard = new Dashboard({
 });
 const controls = new Controls((token) => {
   orders.token = token;
-  for (const each of [hands, attempt, instructor, school]) each?.admit(token);
+  for (const each of [hands, attempt, instructor, school, settings]) each?.admit(token);
 });
 const faces = new Faces(document.getElementById("face"), () => view?.ask());
-globalThis.trocar = { view, hands, dashboard, attempt, instructor, replay, school }; // for whoever looks into the page with the browser's tools
+globalThis.trocar = { view, hands, dashboard, attempt, instructor, replay, school, settings }; // for whoever looks into the page with the browser's tools
 
 const panel = document.getElementById("toggle-dashboard");
 panel.onclick = () => {
@@ -90,6 +92,7 @@ new RigStream({
     attempt.update(state.attempt, state.safe_stop || state.state === "safe_stop");
     instructor.update(state.attempt);
     school.update(state.attempt);
+    settings.update(state);
     replay.update(state.replay);
     if (state.attempt && view?.stage) view.startMirrored(state.attempt.mirrored);
     dashboard.update(state);

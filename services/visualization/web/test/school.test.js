@@ -8,12 +8,12 @@ import { packed, unpacked } from "../src/school/keeper.js";
 import { cost, measured, MISTAKES, what } from "../src/school/sentences.js";
 import { Track } from "../src/school/track.js";
 
-const folder = new URL("../src/school/", import.meta.url);
-const german = JSON.parse(readFileSync(new URL("words.de.json", folder), "utf8"));
+const folders = ["school", "settings"].map((name) => new URL(`../src/${name}/`, import.meta.url));
+const german = Object.assign({}, ...folders.map((folder) => JSON.parse(readFileSync(new URL("words.de.json", folder), "utf8"))));
+const sources = folders.flatMap((folder) => readdirSync(folder).filter((each) => each.endsWith(".js")).map((name) => [name, readFileSync(new URL(name, folder), "utf8")]));
 
-test("every sentence of the school has a German one, with the same values", () => {
-  for (const name of readdirSync(folder).filter((each) => each.endsWith(".js"))) {
-    const source = readFileSync(new URL(name, folder), "utf8");
+test("every sentence of the school and the settings has a German one, with the same values", () => {
+  for (const [name, source] of sources) {
     const keys = [...source.matchAll(/\bt\("((?:[^"\\]|\\.)*)"/g), ...source.matchAll(/(?:ask|what|how): "((?:[^"\\]|\\.)*)"/g)];
     for (const [, key] of keys) {
       assert.ok(german[key], `${name}: ${key}`);

@@ -13,14 +13,20 @@ export class Orders {
     return this.post("api/attempt", JSON.stringify({ what, value }));
   }
 
+  // Returns what the rig answered: whether it does it, and its sentence.
   async post(address, body) {
-    if (!this.token) return this.onSaid("Open the address that trocar up printed, with its #token=…, to do that.", false);
+    if (!this.token) return this.say("Open the address that trocar up printed, with its #token=…, to do that.", false);
     try {
       const answer = await fetch(address, order(this.token, body));
       const said = await answer.json();
-      this.onSaid(said.text ?? said.error, answer.ok);
+      return this.say(said.text ?? said.error, answer.ok);
     } catch (error) {
-      this.onSaid(unanswered(error, "The rig is not reachable: nothing was done."), false);
+      return this.say(unanswered(error, "The rig is not reachable: nothing was done."), false);
     }
+  }
+
+  say(text, ok) {
+    this.onSaid(text, ok);
+    return { text, ok };
   }
 }

@@ -4,6 +4,7 @@ import { add, atDepth, jawsAt, junctionAt, leashed, length, sub } from "./motion
 
 const MM = 1000;
 const LEASH_MM = 25;
+const SEEN = 0.65; // of the jaws' length, where they are said to be
 
 export class Grip {
   // tool: of the greeting, in SI units; shape: of the layout, in millimetres.
@@ -11,7 +12,7 @@ export class Grip {
     this.name = tool.name;
     this.port = shape.port;
     this.hasJaws = shape.jawLength > 0;
-    this.reach = 0.65 * shape.jawLength;
+    this.reach = SEEN * shape.jawLength;
     this.jaws = jawsAt(tool.position_m.map((x) => x * MM), this.port, this.reach);
     this.roll = tool.roll_rad;
     this.opening = null; // as it was found
@@ -46,6 +47,12 @@ export class Grip {
   // Where the jaws are of the tool as it was drawn last. pose: J and quaternion, in millimetres.
   jawsOf(pose) {
     return jawsAt([...pose.subarray(0, 3)], this.port, this.reach);
+  }
+
+  // Both ends of the jaws.
+  ends() {
+    const junction = junctionAt(this.jaws, this.port, this.reach);
+    return [junction, jawsAt(junction, this.port, this.reach / SEEN)];
   }
 
   // The row of the wire's `visualization.hands`.

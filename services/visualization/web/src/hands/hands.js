@@ -92,7 +92,7 @@ export class Hands {
     this.show(true);
     this.choose(again ? which : 0);
     if (again) return;
-    this.view.stage.lookOver(this.grips.map((grip) => grip.jaws));
+    this.view.stage.lookOver(this.grips.flatMap((grip) => grip.ends()));
   }
 
   letGo(reason) {

@@ -1,8 +1,9 @@
 // The page's words in the reader's language. An English sentence is its own key, as with gettext; what is missing stays English.
 
-import de from "./words.de.json" with { type: "json" };
+import ofSettings from "../settings/words.de.json" with { type: "json" };
+import ofSchool from "./words.de.json" with { type: "json" };
 
-const CATALOGUES = { de };
+const CATALOGUES = { de: { ...ofSettings, ...ofSchool } };
 const KEY = "trocar-language";
 export const LANGUAGES = { en: "English", de: "Deutsch" };
 

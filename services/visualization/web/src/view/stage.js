@@ -9,6 +9,7 @@ import { MeetingRing } from "./cue.js";
 import { lightFrom } from "./gouraud.js";
 import { jawsAt } from "../hands/motion.js";
 import { Lens } from "./lens.js";
+import { nearestEye, WHOLE } from "./room.js";
 
 // The canvas to draw on, and whether the browser draws on the processor (SwiftShader, llvmpipe), where every pixel counts: then edges
 // are not smoothed, which is settled with the context, and the context is the one that was asked, since making one takes a processor long.
@@ -46,6 +47,9 @@ export class Stage {
     this.controls.dampingFactor = 0.12;
     this.controls.minDistance = 8;
     this.controls.maxDistance = 420;
+    this.controls.addEventListener("start", () => (this.over = null)); // a person looks from elsewhere
+    this.room = () => WHOLE; // of the picture, which nothing covers
+    this.over = null; // what the eye was placed to see
     this.light();
     this.bodies = new THREE.Group();
     this.lens = new Lens();
@@ -143,6 +147,7 @@ export class Stage {
         return this.mouth.clone().addScaledVector(this.axis, 0.62 * s).addScaledVector(up, 0.22 * s).addScaledVector(side, 0.12 * s);
       },
     };
+    this.over = null;
     this.camera.position.copy(places[preset]());
     this.controls.target.copy(aim);
     if (preset === "ports") this.controls.target.addScaledVector(up, 0.8 * s);
@@ -158,21 +163,32 @@ export class Stage {
     this.camera.updateMatrixWorld();
     const across = (i) => (i < 0 ? 0 : new THREE.Vector3(...poses.subarray(7 * i, 7 * i + 3)).project(this.camera).x);
     if (across(left) > across(right)) this.sideSign = -1;
-    this.jaws = this.layout.tools.map(({ port, jawLength }, i) => jawsAt([...poses.subarray(7 * i, 7 * i + 3)], port, jawLength));
+    this.jaws = this.layout.tools.flatMap(({ port, jawLength }, i) => {
+      const junction = [...poses.subarray(7 * i, 7 * i + 3)];
+      return [junction, jawsAt(junction, port, jawLength)];
+    });
     this.lookFrom("scope");
   }
 
-  // Looks as through the scope, from where the mouth and all of `points` (3,), in millimetres, are in the picture.
+  // Looks as through the scope, from where the mouth and all of `points` (3,), in millimetres, are in the picture's room.
   lookOver(points) {
+    this.over = points;
     const low = points.map(([x, y]) => [x, y, this.mouth.z]); // where they will be lowered to
-    const seen = [this.mouth, ...[...points, ...low].map((point) => new THREE.Vector3(...point))];
-    const ball = new THREE.Box3().setFromPoints(seen).getBoundingSphere(new THREE.Sphere());
+    const seen = [this.mouth.clone(), ...[...points, ...low].map((point) => new THREE.Vector3(...point))];
     const from = this.camera.position.clone().sub(this.controls.target).normalize();
-    const half = THREE.MathUtils.degToRad(0.5 * this.camera.fov) * Math.min(1, this.camera.aspect);
-    ball.center.z -= 0.45 * ball.radius; // the lower edge of the picture is for buttons
-    this.controls.target.copy(ball.center);
-    this.camera.position.copy(ball.center).addScaledVector(from, (1.4 * ball.radius) / Math.sin(half));
+    const turn = new THREE.Matrix4().lookAt(from, new THREE.Vector3(), this.camera.up); // to the right, up and back
+    const back = turn.clone().transpose(), looked = seen.map((point) => point.applyMatrix4(back)).map(({ x, y, z }) => [x, y, -z]);
+    const high = Math.tan(THREE.MathUtils.degToRad(0.5 * this.camera.fov));
+    const [x, y, forward] = nearestEye(looked, { x: high * this.camera.aspect, y: high }, this.room());
+    const depth = looked.reduce((sum, [, , d]) => sum + d, 0) / looked.length;
+    this.camera.position.set(x, y, -forward).applyMatrix4(turn);
+    this.controls.target.set(x, y, -depth).applyMatrix4(turn);
     this.controls.update();
+  }
+
+  // Looks anew over what it looked over last, unless a person has turned the view since.
+  lookAgain() {
+    if (this.over && this.layout) this.lookOver(this.over);
   }
 
   update(frame, colourOfForce) {
@@ -218,6 +234,7 @@ export class Stage {
     this.camera.updateProjectionMatrix();
     this.lens.resize(width, height);
     this.height = height;
+    this.lookAgain();
   }
 
   // Draw more or less finely from now on.

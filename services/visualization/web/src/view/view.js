@@ -5,6 +5,7 @@ import { force } from "../dashboard/format.js";
 import { colourOfForce } from "./colours.js";
 import { Governor, ladder } from "./governor.js";
 import { Film, nameOf, save } from "./keep.js";
+import { roomBeside } from "./room.js";
 import { canvasFor, Stage } from "./stage.js";
 import { FULL, SCALE } from "./strain.js";
 
@@ -14,6 +15,7 @@ const LOOK_MS = 1000;
 const TIMED_EVERY = 10; // of so many pictures one is waited for, to know what it took
 
 const $ = (id) => document.getElementById(id);
+const over = () => [...document.querySelectorAll("#attempt, #tools li, .hud.bottom :is(.hands > *, .replay, .tools)")];
 
 export class View {
   // onTurn(): what else is to be shown in a frame of the page; each frame costs a processor that draws, whatever is in it.
@@ -38,7 +40,9 @@ export class View {
       this.say(`This browser cannot draw in 3-D (${error.message}). The dashboard works all the same.`);
       return;
     }
+    this.stage.room = () => roomBeside($("view").getBoundingClientRect(), over().map((each) => each.getBoundingClientRect()));
     new ResizeObserver(() => this.resize()).observe($("view"));
+    for (const each of document.querySelectorAll(".hud.top, #hands, #replay")) new ResizeObserver(() => this.makeRoom()).observe(each);
     this.resize();
     this.bindButtons();
     this.say("Waiting for the view…");
@@ -156,6 +160,11 @@ export class View {
   resize() {
     const { clientWidth: width, clientHeight: height } = $("view");
     if (width && height) this.ask(() => this.stage.resize(width, height));
+  }
+
+  // Looks anew where what covers the picture has grown; not under a hand, to which the picture would jump.
+  makeRoom() {
+    if (!$("hands").classList.contains("taken")) this.ask(() => this.stage.lookAgain());
   }
 
   // Applies `change`, and draws the view again.

@@ -1,0 +1,72 @@
+"""How the school answers: what a page asks for is decoded, and what a person can mend is a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import msgspec
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+
+from trocar.services.runtime.errors import UserError
+
+#: Set by the page's server: who asks.
+ROLE = "x-trocar-role"
+_WORDS_BYTES = 1 << 18
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+class Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a page asks for; each request takes what it needs of it."""
+
+    trainee: str = ""
+    pin: str = ""
+    course: str = ""
+    scale: str = ""
+    points: dict[str, int] = {}
+    at_s: float = 0.0
+    words: str = ""
+    by: str = "instructor"
+    kind: str = ""
+    value: str | bool = ""
+    recordings: bool = False
+    name: str = ""
+    text: str = ""
+    mark: str = ""
+    key: str = ""
+
+
+def answering(call: Callable[[Request, Ask], Any], *, desk: bool = False) -> Handler:
+    """Return a handler that answers with what a call returns, or says why not; `desk`: to an instructor only."""
+
+    async def handle(request: Request) -> Response:
+        if desk and request.headers.get(ROLE) != "instructor":
+            return as_json({"error": "the token of the class is needed: only an instructor may do this"}, 403)
+        try:
+            text = await body_of(request, _WORDS_BYTES)
+            ask = msgspec.json.decode(text, type=Ask) if text else Ask()
+            found = await run_in_threadpool(call, request, ask)
+        except msgspec.DecodeError as error:
+            return as_json({"error": f"the request cannot be read: {error}"}, 400)
+        except UserError as error:
+            return as_json({"error": str(error)}, 409)
+        return found if isinstance(found, Response) else as_json(found)
+
+    return handle
+
+
+def as_json(value: object, status: int = 200) -> Response:
+    """Return a value as JSON."""
+    return Response(msgspec.json.encode(value), status, media_type="application/json")
+
+
+async def body_of(request: Request, most: int) -> bytes:
+    """Return the body of a request. Raises UserError if it has more than `most` bytes."""
+    data = bytearray()
+    async for part in request.stream():
+        data += part
+        if len(data) > most:
+            raise UserError(f"more than {most} bytes are not taken")
+    return bytes(data)
