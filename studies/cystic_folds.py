@@ -1,135 +1,200 @@
-"""Force against depth in drawn cystic ducts, with and without folds: ``python -m trocar.studies.cystic_folds``.
+"""Folds of drawn cystic ducts against a catheter: ``python -m trocar.studies.cystic_folds``.
 
-A drive pushes a 5 Fr catheter from an introducer without friction into the duct of each seed, at an even pace, once
-without turning and once while it turns to and fro. What the drive feels is then the tissue's alone.
+A drive pushes a 5 Fr catheter with a bent tip from an introducer without friction into the duct of each seed: what the
+drive feels is then the tissue's alone. A hand that only pushes gives up where it feels more than its limit; one that
+also turns draws back there, turns the catheter and tries again; and in a third run the neck is pulled meanwhile. Each
+seed's runs are kept in ``--out``, so that a study may be continued; the page is written of all that are there.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+import json
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 
 from trocar.services.files.cache_directory import cache_directory
-from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
-from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene
+from trocar.services.mechanics.scene.cystic_duct import SPIRAL, CysticDuctScene, drawn_cystic_duct
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.scenes.load import load_scene
 from trocar.services.scenes.ready import load_duct
+from trocar.studies.cystic_folds_page import write_page
 
-PUSH_M_S, BEFORE_M, PUSHED_M = 20e-3, 4e-3, 32e-3
-TURN_RAD, TURNS_A_SECOND = 1.5, 1.0
+PACE_M_S, BEFORE_M = 20e-3, 4e-3
+LIMIT_N = 0.2
+"""Assumption: at which a hand stops pushing, ten times what the default scene's seal takes. No figure was found."""
+BACK_M, TURN_RAD, TURN_RAD_S, MOST_TRIES = 3e-3, 2.4, 3.0, 8
+"""How a hand tries again: it draws back, and turns by the golden angle, so that tries cover the circle evenly."""
+TRACTION_N = 0.29
+"""What stretches a bile duct by a quarter: 5 kPa on the closed end of one 8.6 mm wide (Duch 2004, ten of pigs)."""
+SLACK_M = 10e-3
+"""By how much more than the way to the goal a hand pushes at most: a catheter that bends away takes it up."""
+PAST_M = 7e-3
+"""The goal: so far behind the half that has folds, which begins 5 mm behind the mouth."""
+FINER = {"edges 0.7 times as long": (0.7, 1e-3), "steps of 0.5 ms": (1.0, 0.5e-3)}
 _SCENE = {
-    "duct": {"cystic": {}, "thickness_m": 0.8e-3, "youngs_modulus_pa": 300e3, "n_modes": 40},
+    "duct": {"cystic": {}, "thickness_m": 1.0e-3, "youngs_modulus_pa": 500e3, "n_modes": 24, "traction_n": 0.0},
     "catheter": {
         "product": "cholangiography_5fr", "length_m": 0.1, "n_segments": 50, "before_mouth_m": BEFORE_M,
         "introducer_to_tip_m": 6e-3, "introducer_length_m": 0.09,
+        "sections": [{"length_m": 15e-3, "rest_curvature_1_m": [25.0, 0.0, 0.0]}],
     },
     "forceps": [{"kind": "drive"}],
     "effects": {"friction": {"mu_static": 0.1, "mu_kinetic": 0.1}, "twist": {}},
     "hands": "none",
 }  # fmt: skip
+KINDS = {"smooth": "push, no folds", "push": "push", "turn": "push and turn", "pull": "push, turn and pull the neck"}
 
 
 @dataclass(frozen=True)
-class Push:
+class Run:
     """One insertion.
 
     Attributes:
-        pushed_m, depth_m, force_n: (n,) float64. How far the drive has pushed since the mouth, how deep the tip is, and
-            the force along the catheter that the drive feels, a hundred times a second.
+        kind: What the hand does, a key of `KINDS`.
+        passed: Whether the tip came past the folds.
+        tries: How often the hand has begun again.
+        depth_mm, force_mn: How deep the tip was and what the drive felt along the catheter, a hundred times a second.
     """
 
     seed: int
-    folds: int
-    turns: bool
-    pushed_m: FloatArray
-    depth_m: FloatArray
-    force_n: FloatArray
+    kind: str
+    how: str
+    passed: bool
+    tries: int
+    depth_mm: list[float]
+    force_mn: list[float]
 
-    @property
-    def peak_n(self) -> float:
-        """Largest force."""
-        return float(self.force_n.max())
 
-    @property
-    def work_j(self) -> float:
-        """Work of the push."""
-        return float(np.trapezoid(self.force_n, self.pushed_m))
+class Hand:
+    """Pushes until it feels too much; then it draws back, turns and tries again, if it does that at all."""
+
+    def __init__(self, may_turn: bool) -> None:
+        self.way_m = self.roll_rad = 0.0
+        self.tries, self._may_turn, self._to_m, self._to_rad = 0, may_turn, 0.0, 0.0
+        self.gives_up = False
+
+    def move(self, felt_n: float, dt_s: float) -> None:
+        """Move for a step, after it has felt a force."""
+        step_m, step_rad = PACE_M_S * dt_s, TURN_RAD_S * dt_s
+        if self.way_m > self._to_m:
+            self.way_m -= step_m
+        elif self.roll_rad < self._to_rad:
+            self.roll_rad += step_rad
+        elif felt_n <= LIMIT_N:
+            self.way_m += step_m
+            self._to_m = self.way_m
+        elif self._may_turn and self.tries < MOST_TRIES:
+            self.tries += 1
+            self._to_m, self._to_rad = self.way_m - BACK_M, self.roll_rad + TURN_RAD
+        else:
+            self.gives_up = True
 
 
 def scene_of(folder: Path, cystic: CysticDuctScene) -> SceneModel:
     """Return the study's scene with a duct."""
-    import yaml
-
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(_SCENE))
     scene = load_scene(path)
     return replace(scene, duct=replace(scene.duct, cystic=cystic))
 
 
-def push(scene: SceneModel, duct: ReducedDuct, seed: int, *, turns: bool) -> Push:
-    """Push the catheter in; it is recorded what the drive feels."""
+def insert(scene: SceneModel, duct: ReducedDuct, hand: Hand, goal_m: float, dt_s: float) -> dict[str, Any]:
+    """Insert the catheter until its tip is at the goal, the hand gives up or its way is too long."""
     simulation, tools = Simulation(scene, duct), ToolInputs()
     catheter = simulation.scene.catheter
     along = np.array(catheter.direction) / float(np.linalg.norm(catheter.direction))
     begins = np.array(catheter.tip_position_m) - catheter.length_m * along
     tools.present[:] = True, False
-    rows = []
-    for tick in range(round(1e3 * (BEFORE_M + PUSHED_M) / PUSH_M_S)):
-        way_m = PUSH_M_S * 1e-3 * tick
-        tools.position_m[0] = begins + way_m * along
-        tools.roll_rad[0] = TURN_RAD * math.sin(2.0 * math.pi * TURNS_A_SECOND * 1e-3 * tick) if turns else 0.0
-        simulation.step(tools)
-        if tick % 10 == 0:
-            force_n = -float(simulation.tool_results.force_n[0] @ along)
-            rows.append((way_m - BEFORE_M, simulation.inserted_length_m, force_n))
-    cystic = scene.duct.cystic
-    assert cystic is not None
-    return Push(seed, cystic.folds or 0, turns, *np.array(rows).T)
+    depth_mm, force_mn, every, felt_n, tick, depth_m = [], [], round(10e-3 / dt_s), 0.0, 0, 0.0
+    while depth_m < goal_m and not hand.gives_up and hand.way_m < BEFORE_M + goal_m + SLACK_M:
+        hand.move(felt_n, dt_s)
+        tools.position_m[0], tools.roll_rad[0] = begins + hand.way_m * along, hand.roll_rad
+        simulation.step(tools, dt_s)
+        felt_n = -float(simulation.tool_results.force_n[0] @ along)
+        if tick % every == 0:
+            depth_m = simulation.inserted_length_m
+            depth_mm.append(round(1e3 * depth_m, 3))
+            force_mn.append(round(1e3 * felt_n, 2))
+        tick += 1
+    return {"passed": depth_m >= goal_m, "tries": hand.tries, "depth_mm": depth_mm, "force_mn": force_mn}
 
 
-def pushes(seeds: int, folder: Path) -> Iterator[Push]:
-    """Yield the insertions of each seed: with the folds that it draws and without, pushed and turned."""
-    from trocar.services.mechanics.scene.cystic_duct import drawn_cystic_duct
+def drawn_duct(seed: int) -> CysticDuctScene:
+    """Return the duct of a seed."""
+    return drawn_cystic_duct(CysticDuctScene(seed=seed, common_length_m=20e-3))
 
-    for seed in range(seeds):
-        drawn = drawn_cystic_duct(CysticDuctScene(seed=seed, common_length_m=20e-3))
-        for cystic in (drawn, replace(drawn, folds=0)):
-            scene = scene_of(folder, cystic)
-            duct = load_duct(scene, cache_directory(), ignore_progress)
-            for turns in (False, True):
-                yield push(scene, duct, seed, turns=turns)
+
+def runs_of(seed: int, folder: Path) -> list[Run]:
+    """Return the insertions into the duct of a seed."""
+    drawn, runs = drawn_duct(seed), []
+    for kind in KINDS:
+        cystic = replace(drawn, folds=0) if kind == "smooth" else drawn
+        scene = scene_of(folder, cystic)
+        if kind == "pull":
+            scene = replace(scene, duct=replace(scene.duct, traction_n=TRACTION_N))
+        duct = load_duct(scene, cache_directory(), ignore_progress)
+        made = insert(scene, duct, Hand(kind in ("turn", "pull")), goal_m(drawn), 1e-3)
+        runs.append(Run(seed, kind, "", **made))
+    return runs
+
+
+def finer_runs(seed: int, folder: Path) -> list[Run]:
+    """Return a seed's push on a finer mesh, and with shorter steps."""
+    drawn, runs = drawn_duct(seed), []
+    scene = scene_of(folder, drawn)
+    for how, (share, dt_s) in FINER.items():
+        finer = replace(scene, duct=replace(scene.duct, mesh_edge_m=share * usual_edge_m(scene)))
+        duct = load_duct(finer, cache_directory(), ignore_progress)
+        runs.append(Run(seed, "push", how, **insert(finer, duct, Hand(may_turn=False), goal_m(drawn), dt_s)))
+    return runs
+
+
+def usual_edge_m(scene: SceneModel) -> float:
+    """Return the edge of a scene's smooth wall where it names none."""
+    from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+    from trocar.services.meshes.branching import EDGE_OF_RADIUS
+
+    return EDGE_OF_RADIUS * min(tube.detail_m() for tube in duct_tubes(scene.duct))
+
+
+def goal_m(drawn: CysticDuctScene) -> float:
+    """Return the depth at which the tip is past the folds."""
+    assert drawn.length_m is not None
+    return SPIRAL * drawn.length_m + PAST_M
 
 
 def main() -> None:
-    """Write the curves and print a line for each insertion."""
+    """Run what is missing, and write the page of all that is there."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), help="first seed, and the one after the last")
+    parser.add_argument("--finer", type=int, nargs="*", default=(), help="seeds that are also run finer")
     parser.add_argument("--out", type=Path, default=Path("study"))
+    parser.add_argument("--page", type=Path, help="write the page of all runs in --out")
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
-    with (asked.out / "cystic_folds.csv").open("w", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(("seed", "folds", "turns", "pushed_mm", "depth_mm", "force_mn"))
-        for each in pushes(asked.seeds, asked.out):
-            for row in zip(each.pushed_m, each.depth_m, each.force_n, strict=True):
-                table.writerow((each.seed, each.folds, int(each.turns), *(round(1e3 * float(x), 3) for x in row)))
-            file.flush()
+    wanted = [(runs_of, seed) for seed in range(*asked.seeds)] + [(finer_runs, seed) for seed in asked.finer]
+    for make, seed in wanted:
+        kept = asked.out / f"{make.__name__}-{seed}.json"
+        if not kept.exists():
+            kept.write_text(json.dumps([asdict(run) for run in make(seed, asked.out)]))
+        for run in json.loads(kept.read_text()):
             print(  # noqa: T201
-                f"seed {each.seed}, {each.folds} folds, {'turned' if each.turns else 'pushed'}: "
-                f"{1e3 * each.peak_n:.0f} mN at most, {1e3 * each.work_j:.2f} mJ, {1e3 * each.depth_m[-1]:.1f} mm deep",
+                f"seed {seed}, {run['kind']} {run['how']}: {max(run['force_mn']):.0f} mN at most, "
+                f"{run['depth_mm'][-1]:.1f} mm deep, {'passed' if run['passed'] else 'stopped'}, {run['tries']} tries",
                 flush=True,
             )
+    if asked.page:
+        made = [Run(**run) for kept in sorted(asked.out.glob("*runs*-*.json")) for run in json.loads(kept.read_text())]
+        write_page(asked.page, made, drawn_duct, KINDS, LIMIT_N)
 
 
 if __name__ == "__main__":

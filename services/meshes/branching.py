@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.meshes.cached import MESH_LIBRARIES, read_entry, write_entry
 from trocar.services.meshes.errors import MeshError
 from trocar.services.meshes.openings import enclosed_volume_m3, find_openings
+from trocar.services.meshes.refining import refine
 from trocar.services.meshes.remeshing import remesh
 
 EDGE_OF_RADIUS = 0.4
@@ -32,6 +34,8 @@ def load_branching(tubes: list[Tube], edge_m: float | None, cache_dir: Path | No
 
     The first tube is the trunk, whose near end is the set ``mouth``. Each open end has a set with its tube's name, the
     rim; a blind one has its furthest vertices.
+    ``edge_m`` is the edge where the tubes are smooth; where they have details it is shorter by as much as those are
+    smaller than the narrowest tube's radius.
     Raises MeshError if the tubes touch each other where they do not join, or the edge is too long for them.
     """
     edge_m = edge_m or EDGE_OF_RADIUS * min(tube.detail_m() for tube in tubes)
@@ -55,7 +59,18 @@ def branching_mesh(tubes: list[Tube], edge_m: float) -> TriangleMesh:
     ends = _open_ends(tubes)
     surface = _cut(_contour(tubes, edge_m / _CELLS_PER_EDGE), ends)
     mesh = remesh(_outward(surface), edge_m)
-    return TriangleMesh(mesh.vertices_m, mesh.triangles, _sets(mesh, tubes, ends))
+    if any(tube.has_details for tube in tubes):
+        mesh = refine(mesh, _details_m(tubes, edge_m))
+    sets, vertices_m = _sets(mesh, tubes, ends), mesh.vertices_m
+    for tube in tubes:
+        vertices_m = tube.folded_m(vertices_m)
+    return TriangleMesh(vertices_m, mesh.triangles, sets)
+
+
+def _details_m(tubes: list[Tube], edge_m: float) -> Callable[[FloatArray], FloatArray]:
+    """Return what gives the edges (n,) at points (n, 3) that details need, if ``edge_m`` is the edge elsewhere."""
+    share = edge_m / min(tube.detail_m() for tube in tubes)
+    return lambda points_m: share * np.min([tube.details_m(points_m) for tube in tubes], axis=0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -24,7 +24,7 @@ _POSITIVE = {
     "quality": "iterations ticks_per_step cost_us",
 }
 _NOT_NEGATIVE = {
-    "duct": "slit_length_m slit_width_m damping_ratio",
+    "duct": "slit_length_m slit_width_m damping_ratio traction_n",
     "catheter": "inner_diameter_m before_mouth_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m "
     "introducer_friction introducer_seal_friction_n spectral_radius",
     "guide_wire": "friction",

@@ -26,8 +26,9 @@ from trocar.services.mechanics.surface.cyclic_symmetry import CyclicSymmetry, fi
 
 CYCLIC_FORMAT = 1
 """Raised when the blocks of a sector change."""
-PATCH_FORMAT = 3
-"""Raised when patches of the residual change: since 2 with an exact near field, since 3 with their error."""
+PATCH_FORMAT = 4
+"""Raised when patches of the residual change: since 2 with an exact near field, since 3 with their error, since 4 by
+levels where they are exact."""
 
 ADDED_DAMPING_RATIO = 1.0
 """At least, of residual vectors: a step does not resolve them, and what they take the place of had no mass."""

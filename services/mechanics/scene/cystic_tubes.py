@@ -7,20 +7,23 @@ import math
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene, drawn_cystic_duct
+from trocar.services.mechanics.scene.cystic_duct import SPIRAL, CysticDuctScene, drawn_cystic_duct, most_folds
 from trocar.services.mechanics.surface.branched_tubes import Tube
 from trocar.services.mechanics.surface.curved_tube import Folds, curved_tube
 
 STEPS = 400
 """Stations along the duct."""
-_SPIRAL = 0.5
-"""Share of the length, towards the gallbladder, that has folds (pars spiralis); the rest is smooth (pars glabra)."""
 _MARGIN_M = 5e-3
 """Without folds behind the mouth, where the wall was cut and is held."""
+_FOLD_WIDTH = 1.25
+"""Of the wall: width of a fold at half its height. It is the wall laid double, so not much thinner than the wall."""
 _LOOP = 0.8
 """Share of an alpha's length that loops."""
 _CLEAR = 4.2
 """Of the outer radius: how far the two limbs of a loop lie from each other where they cross."""
+
+_CLEAR_END = 1.6
+"""Of the common duct's radius: how far from the middle of its end another tube must be, for it to be cut there."""
 
 
 def cystic_tubes(cystic: CysticDuctScene, thickness_m: float) -> list[Tube]:
@@ -34,7 +37,8 @@ def cystic_tubes(cystic: CysticDuctScene, thickness_m: float) -> list[Tube]:
     points_m = _course_m(duct, float(radii_m.max()))
     _check(duct, points_m, radii_m)
     folds = _folds(duct, thickness_m)
-    return [curved_tube("trunk", points_m, radii_m, "on", folds), _common_duct(duct, thickness_m, points_m)]
+    common = _common_duct(duct, thickness_m, points_m, float(radii_m.max()))
+    return [curved_tube("trunk", points_m, radii_m, "on", folds), common]
 
 
 def _widths_m(duct: CysticDuctScene) -> FloatArray:
@@ -72,14 +76,19 @@ def _folds(duct: CysticDuctScene, thickness_m: float) -> Folds | None:
     assert duct.fold_height is not None
     if not duct.folds:
         return None
-    end_m = _SPIRAL * duct.length_m + _MARGIN_M
+    end_m = SPIRAL * duct.length_m + _MARGIN_M
     pitch_m = (end_m - _MARGIN_M) / duct.folds
-    height_m = 0.5 * min(duct.width_m, duct.end_width_m) * duct.fold_height
-    return Folds(_MARGIN_M, end_m, pitch_m, height_m, max(0.45 * pitch_m, thickness_m))
+    at_m, widths_m = np.array([_MARGIN_M, end_m]), [duct.width_m, duct.end_width_m]
+    begin, end = 0.5 * duct.fold_height * np.interp(at_m, [0.0, duct.length_m], widths_m)
+    return Folds(_MARGIN_M, end_m, pitch_m, float(begin), float(end), min(_FOLD_WIDTH * thickness_m, 0.5 * pitch_m))
 
 
-def _common_duct(duct: CysticDuctScene, thickness_m: float, points_m: FloatArray) -> Tube:
-    """Return the common duct; its part to the liver is at the angle of take-off to the cystic duct."""
+def _common_duct(duct: CysticDuctScene, thickness_m: float, points_m: FloatArray, cystic_m: float) -> Tube:
+    """Return the common duct; its part to the liver is at the angle of take-off to the cystic duct.
+
+    At a sharp angle that part is longer than half of it: it ends where it is clear of the cystic duct, of the largest
+    radius ``cystic_m``.
+    """
     assert duct.take_off_rad is not None
     assert duct.common_width_m is not None
     on = points_m[-2] - points_m[-1]
@@ -89,7 +98,10 @@ def _common_duct(duct: CysticDuctScene, thickness_m: float, points_m: FloatArray
     up = math.cos(duct.take_off_rad) * on + math.sin(duct.take_off_rad) * across
     radius_m = 0.5 * (duct.common_width_m + thickness_m)
     half_m = 0.5 * duct.common_length_m
-    points = points_m[-1] + np.linspace(half_m, -half_m, STEPS // 2 + 1)[:, None] * up
+    sharp = duct.take_off_rad < 0.5 * math.pi
+    clear_m = (_CLEAR_END * radius_m + cystic_m / math.cos(duct.take_off_rad)) / math.tan(duct.take_off_rad)
+    liver_m = max(half_m, clear_m) if sharp else half_m
+    points = points_m[-1] + np.linspace(liver_m, -half_m, STEPS // 2 + 1)[:, None] * up
     return curved_tube("duodenum", points, np.full(len(points), radius_m), "held", opening="liver")
 
 
@@ -97,8 +109,14 @@ def _check(duct: CysticDuctScene, points_m: FloatArray, radii_m: FloatArray) -> 
     for key in ("length_m", "width_m", "end_width_m", "common_width_m", "common_length_m"):
         if not getattr(duct, key) > 0.0:
             raise ValueError(f"duct.cystic.{key}: must be positive, is {getattr(duct, key)}")
-    if duct.folds is not None and duct.folds < 0:
-        raise ValueError(f"duct.cystic.folds: must not be negative, is {duct.folds}")
+    assert duct.folds is not None
+    assert duct.length_m is not None
+    most = most_folds(duct.length_m)
+    if not 0 <= duct.folds <= most:
+        raise ValueError(
+            f"duct.cystic.folds: must lie between 0 and {most}, for which {1e3 * duct.length_m:g} mm have room, is "
+            f"{duct.folds}"
+        )
     if duct.fold_height is not None and not 0.0 <= duct.fold_height < 0.9:
         raise ValueError(f"duct.cystic.fold_height: must be at least 0 and below 0.9, is {duct.fold_height}")
     if duct.take_off_rad is not None and not 0.1 <= duct.take_off_rad <= math.pi - 0.1:

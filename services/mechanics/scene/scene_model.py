@@ -38,6 +38,8 @@ class DuctScene:
     (`fem.thinness.bending_of_wall`).
     ``mesh_names`` are the names of a surface file's open ends from the widest on, by default ``end_0``, ``end_1`` and
     so on; ``mesh_up`` is what is up in the file's axes: z of the scene, as near as the mouth's direction allows.
+    ``traction_n`` is the pull of a hand at the neck of the gallbladder: it has moved the rim of the mouth outwards, and
+    holds it there; 0 holds it where it was. By default nobody holds it.
     ``tissue`` names the preset of `scene.tissue` from which the wall's values were taken, if any.
     """
 
@@ -60,6 +62,7 @@ class DuctScene:
     mesh_lumen_diameter_m: float | None = None
     mesh_names: tuple[str, ...] = ()
     mesh_up: Vector3 | None = None
+    traction_n: float | None = None
     tissue: str | None = None
     thickness_m: float = 0.5e-3
     youngs_modulus_pa: float = 100e3

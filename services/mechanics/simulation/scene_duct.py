@@ -19,6 +19,7 @@ from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import DuctScene, SceneModel
 from trocar.services.mechanics.scene.duct_recipe import duct_recipe, wall_section
 from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+from trocar.services.mechanics.simulation.traction import pulled_recipe
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import mouth_opening
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
@@ -48,6 +49,9 @@ def build_scene_duct(
     effects = build_effects(scene).values()
     stages = by_stage(effects)
     recipe = _recipe(scene, mesh, effects)
+    if scene.duct.traction_n:
+        recipe = pulled_recipe(recipe, scene.duct.traction_n, cache_dir, progress)
+        mesh = recipe.mesh
     with _about_the_duct():
         duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
     load = constant_load_n(stages["constant_load_n"], mesh)
@@ -105,7 +109,7 @@ def _about_the_duct() -> Iterator[None]:
 
 def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Collection[Effect]) -> DuctRecipe:
     """Return the recipe of the duct: ``effects``, in order, modify the wall's section and may request further modes."""
-    section = wall_section(scene.duct)
+    section = wall_section(scene.duct, mesh)
     for effect in by_stage(effects)["modify_section"]:
         section = effect.modify_section(section)
     n_local_modes = max((effect.n_local_modes for effect in effects), default=0)

@@ -54,6 +54,23 @@ class Tube:
         """Return the smallest radius of its surface, by which it is meshed."""
         return min(self.radius_m, self.end_radius_m)
 
+    def details_m(self, points_m: FloatArray) -> FloatArray:
+        """Return the detail (n,) by which it is meshed near points (n, 3), infinite where it has none of its own."""
+        return np.full(len(points_m), np.inf)
+
+    @property
+    def has_details(self) -> bool:
+        """Whether it has details finer than its radius."""
+        return False
+
+    def folded_m(self, points_m: FloatArray) -> FloatArray:
+        """Return points (n, 3) of its smooth surface where its folds take them, if it has any."""
+        return points_m
+
+    def inward_m(self, points_m: FloatArray) -> FloatArray:
+        """Return how far its folds reach into the lumen (n,) at points (n, 3) of its surface."""
+        return np.zeros(len(points_m))
+
     def near_opening(self) -> str:
         """Return the name of the opening at its near end; empty where that lies in another tube."""
         return ""

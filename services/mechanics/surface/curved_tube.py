@@ -6,14 +6,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.surface.branched_tubes import Tube
 
-_DETAIL_OF_PITCH = 0.6
-"""A fold is meshed as a tube of that radius is: with four edges from one turn to the next."""
+_DETAIL_OF_WIDTH = 1.1
+"""A fold is meshed as a tube of that radius is: before it is thrown, two to three edges have its width."""
+_GRADING = 0.5
+"""By which the detail grows with the distance from the folds."""
 _NEAREST = 4
 """Stations of the axis whose balls are asked for the distance of a point: the radius varies slowly along it."""
 
@@ -25,7 +26,7 @@ class Folds:
     Attributes:
         from_m, to_m: Where on the axis it begins and ends; it rises and falls over half a turn.
         pitch_m: Distance of one turn from the next.
-        height_m: By how much it narrows the radius.
+        height_m, end_height_m: By how much it narrows the radius where it begins, and where it ends.
         width_m: Along the axis, where it has half its height.
         is_left: It turns the other way.
     """
@@ -34,6 +35,7 @@ class Folds:
     to_m: float
     pitch_m: float
     height_m: float
+    end_height_m: float
     width_m: float
     is_left: bool = False
 
@@ -45,7 +47,8 @@ class Folds:
         ridge = np.exp(-math.log(2.0) * (2.0 * off_m / self.width_m) ** 2)
         rise = 0.5 * self.pitch_m
         inside = np.clip((at_m - self.from_m) / rise, 0.0, 1.0) * np.clip((self.to_m - at_m) / rise, 0.0, 1.0)
-        inward: FloatArray = self.height_m * ridge * inside
+        height_m = np.interp(at_m, (self.from_m, self.to_m), (self.height_m, self.end_height_m))
+        inward: FloatArray = height_m * ridge * inside
         return inward
 
 
@@ -68,9 +71,23 @@ class CurvedTube(Tube):
     opening: str = ""
 
     def detail_m(self) -> float:
-        """Return the smallest radius of its surface; a fold counts by its pitch."""
-        narrowest_m = float(self.radii_m.min())
-        return narrowest_m if self.folds is None else min(narrowest_m, _DETAIL_OF_PITCH * self.folds.pitch_m)
+        """Return the smallest radius of its surface; folds are a detail of it."""
+        return float(self.radii_m.min())
+
+    @property
+    def has_details(self) -> bool:
+        """Whether it has folds."""
+        return self.folds is not None
+
+    def details_m(self, points_m: FloatArray) -> FloatArray:
+        """Return the detail (n,) by which it is meshed near points (n, 3): of its folds, growing away from them."""
+        if self.folds is None:
+            return super().details_m(points_m)
+        nearest = np.asarray(scipy.spatial.KDTree(self.points_m).query(points_m)[1])
+        at_m = nearest * self.length_m / (len(self.points_m) - 1)
+        away_m = np.maximum(np.maximum(self.folds.from_m - at_m, at_m - self.folds.to_m), 0.0)
+        detail_m: FloatArray = _DETAIL_OF_WIDTH * self.folds.width_m + _GRADING * away_m
+        return detail_m
 
     def near_opening(self) -> str:
         """Return the name of the opening at its near end."""
@@ -94,23 +111,38 @@ class CurvedTube(Tube):
     def distance_m(self, points_m: FloatArray) -> FloatArray:
         """Return signed distances (n,) of points (n, 3) from its surface, negative inside; its ends are rounded.
 
-        Where it has folds the value is right in sign, and near the surface to a part of their slope.
+        It is the surface without folds: into those what has been meshed is thrown, see `folded_m`.
         """
         away, nearest = map(np.asarray, scipy.spatial.KDTree(self.points_m).query(points_m, k=_NEAREST))
         distance: FloatArray = (away - self.radii_m[nearest]).min(axis=1)
-        return distance if self.folds is None else distance + self._inward_m(points_m, nearest[:, 0], self.folds)
+        return distance
 
-    def _inward_m(self, points_m: FloatArray, nearest: npt.NDArray[np.int64], folds: Folds) -> FloatArray:
+    def folded_m(self, points_m: FloatArray) -> FloatArray:
+        """Return points (n, 3) of its smooth surface where its folds take them, straight towards its axis."""
+        if self.folds is None:
+            return points_m
+        at_m, around, radial = self._places(points_m)
+        inward_m = self.folds.inward_m(at_m, around)
+        folded: FloatArray = points_m - (inward_m / np.linalg.norm(radial, axis=1))[:, None] * radial
+        return folded
+
+    def inward_m(self, points_m: FloatArray) -> FloatArray:
+        """Return how far its folds reach into the lumen (n,) at points (n, 3) of its surface, folded or smooth."""
+        if self.folds is None:
+            return super().inward_m(points_m)
+        at_m, around, _ = self._places(points_m)
+        return self.folds.inward_m(at_m, around)
+
+    def _places(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return where on its axis points (n, 3) lie, in m, at which angle round it, and their offsets across it."""
         tangents = np.gradient(self.points_m, axis=0)
         tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-        k = nearest
-        out = points_m - self.points_m[k]
-        tangent, side = tangents[k], self.sides[k]
+        k = np.asarray(scipy.spatial.KDTree(self.points_m).query(points_m)[1])
+        out, tangent, side = points_m - self.points_m[k], tangents[k], self.sides[k]
         along = np.einsum("ij,ij->i", out, tangent)
-        across = np.cross(tangent, side)
-        around = np.arctan2(np.einsum("ij,ij->i", out, across), np.einsum("ij,ij->i", out, side))
-        step_m = self.length_m / (len(self.points_m) - 1)
-        return folds.inward_m(k * step_m + along, around)
+        radial = out - along[:, None] * tangent
+        around = np.arctan2(np.einsum("ij,ij->i", radial, np.cross(tangent, side)), np.einsum("ij,ij->i", radial, side))
+        return k * self.length_m / (len(self.points_m) - 1) + along, around, radial
 
 
 def curved_tube(

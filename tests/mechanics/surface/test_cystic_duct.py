@@ -15,8 +15,12 @@ from trocar.services.mechanics.scene.cystic_duct import (
     drawn_cystic_duct,
 )
 from trocar.services.mechanics.scene.cystic_tubes import cystic_tubes
+from trocar.services.mechanics.scene.duct_recipe import wall_section
+from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+from trocar.services.mechanics.scene.scene_model import DuctScene
 from trocar.services.mechanics.surface.branched_tubes import union_distance_m
 from trocar.services.mechanics.surface.curved_tube import CurvedTube
+from trocar.services.mechanics.surface.mesh import TriangleMesh
 
 WALL_M = 0.8e-3
 
@@ -83,19 +87,65 @@ def test_the_lumen_has_its_widths() -> None:
         assert duct.distance_m(wall[None])[0] == pytest.approx(0.0, abs=5e-5)
 
 
+def inward_along_m(duct: CurvedTube, at_m: np.ndarray, side: float) -> np.ndarray:
+    """How far the folds reach inwards along a line of the straight duct's smooth wall."""
+    across = side * duct.place(0.0)[1][1]
+    wall = np.array([duct.place(at)[0] + duct.radius_at(at) * across for at in at_m])
+    inward_m = np.linalg.norm(duct.folded_m(wall) - wall, axis=1)
+    assert duct.inward_m(duct.folded_m(wall)) == pytest.approx(inward_m, abs=1e-9)
+    return inward_m
+
+
 def test_folds_wind_round_the_half_towards_the_gallbladder() -> None:
-    bare, folded = (trunk(CysticDuctScene(folds=n, fold_height=0.4)) for n in (0, 6))
-    at_m = np.linspace(0.0, bare.length_m, 1200)
-    side = bare.place(0.0)[1][1]
-    wall = np.array([bare.place(at)[0] for at in at_m]) + bare.radius_at(0.0) * side
-    inward_m = folded.distance_m(wall) - bare.distance_m(wall)
+    folded = trunk(CysticDuctScene(folds=6, fold_height=0.5))
+    at_m = np.linspace(0.0, folded.length_m, 1200)
+    inward_m, other_m = inward_along_m(folded, at_m, 1.0), inward_along_m(folded, at_m, -1.0)
     peaks = (inward_m[1:-1] > inward_m[:-2]) & (inward_m[1:-1] >= inward_m[2:]) & (inward_m[1:-1] > 0.3e-3)
     assert 5 <= peaks.sum() <= 7
-    assert inward_m.max() == pytest.approx(0.4 * 0.5 * 3.5e-3, rel=0.05)
-    assert inward_m[at_m > 0.5 * bare.length_m + 6e-3].max() < 1e-6
-    other = np.array([bare.place(at)[0] for at in at_m]) - bare.radius_at(0.0) * side
-    half_turn_m = abs(at_m[np.argmax(inward_m)] - at_m[np.argmax(folded.distance_m(other) - bare.distance_m(other))])
+    assert inward_m.max() == pytest.approx(0.5 * 0.5 * 3.5e-3, rel=0.01)
+    assert inward_m[at_m > 0.5 * folded.length_m + 6e-3].max() < 1e-6
+    half_turn_m = abs(at_m[np.argmax(inward_m)] - at_m[np.argmax(other_m)])
     assert half_turn_m % 2.5e-3 == pytest.approx(1.25e-3, abs=0.3e-3)
+
+
+def test_a_fold_is_so_high_as_the_lumen_is_wide_where_it_is() -> None:
+    tapered = trunk(CysticDuctScene(folds=6, fold_height=0.5, width_m=4e-3, end_width_m=2.4e-3))
+    at_m = np.linspace(0.0, tapered.length_m, 1200)
+    inward_m = inward_along_m(tapered, at_m, 1.0)
+    for begin_m, end_m in ((6e-3, 10e-3), (15e-3, 19e-3)):
+        here = (at_m > begin_m) & (at_m < end_m)
+        peak = np.argmax(np.where(here, inward_m, 0.0))
+        lumen_m = tapered.radius_at(at_m[peak]) - 0.5 * WALL_M
+        assert inward_m[peak] == pytest.approx(0.5 * lumen_m, rel=0.02)
+
+
+def test_no_more_folds_are_drawn_than_have_room() -> None:
+    for seed in range(100):
+        drawn = drawn_cystic_duct(CysticDuctScene(seed=seed))
+        assert drawn.folds * 2e-3 <= 0.5 * drawn.length_m
+        assert drawn_cystic_duct(CysticDuctScene(seed=seed, length_m=20e-3)).folds <= 5
+
+
+def test_the_wall_is_thicker_by_its_folds_and_nowhere_else() -> None:
+    duct = DuctScene(thickness_m=WALL_M, cystic=CysticDuctScene(folds=6, fold_height=0.5))
+    folded = duct_tubes(duct)[0]
+    at_m = np.linspace(1e-3, 20e-3, 200)
+    ring = np.array([folded.place(at)[0] + folded.radius_at(at) * folded.place(at)[1][1] for at in at_m])
+    corners = folded.folded_m(np.concatenate([ring, ring + 1e-5, ring - 1e-5]))
+    mesh = TriangleMesh(corners, np.arange(600).reshape(3, 200).T)
+    thickness_m = wall_section(duct, mesh).per_triangle("thickness_m", 200)
+    assert thickness_m == pytest.approx(WALL_M + np.linalg.norm(folded.folded_m(ring) - ring, axis=1), abs=3e-5)
+    assert thickness_m.max() == pytest.approx(WALL_M + 0.5 * 0.5 * 3.5e-3, rel=0.02)
+    assert wall_section(replace(duct, cystic=replace(duct.cystic, folds=0)), mesh).thickness_m == WALL_M
+
+
+def test_the_common_duct_is_cut_clear_of_the_cystic_duct_at_any_angle() -> None:
+    for take_off_rad in (0.35, 0.6, 1.2, 1.6):
+        cystic, common = cystic_tubes(CysticDuctScene(take_off_rad=take_off_rad, folds=0), WALL_M)
+        end_m, axes = common.place(0.0)
+        way = np.array([cystic.place(at)[0] for at in np.linspace(0.0, cystic.length_m, 200)])
+        beyond = (way - end_m) @ -axes[0] > -cystic.radii_m.max()
+        assert not beyond.any() or np.linalg.norm(way[beyond] - end_m, axis=1).min() > 1.5 * common.radius_m
 
 
 @pytest.mark.parametrize(
@@ -103,7 +153,8 @@ def test_folds_wind_round_the_half_towards_the_gallbladder() -> None:
     [
         ({"length_m": -1e-3}, "duct.cystic.length_m: must be positive"),
         ({"fold_height": 0.95}, "duct.cystic.fold_height"),
-        ({"folds": -1}, "duct.cystic.folds"),
+        ({"folds": -1}, "duct.cystic.folds: must lie between 0 and 7"),
+        ({"folds": 8}, "duct.cystic.folds: must lie between 0 and 7, for which 30 mm have room, is 8"),
         ({"take_off_rad": 0.0}, "duct.cystic.take_off_rad"),
         ({"course": "alpha", "length_m": 15e-3}, "too short for this course"),
     ],

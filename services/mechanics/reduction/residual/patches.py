@@ -17,10 +17,11 @@ from trocar.services.mechanics.fem import ShellModel
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import BATCH, Progress, ignore_progress, residual_response
 from trocar.services.mechanics.reduction.residual.blocks import BlockArray, Residual
+from trocar.services.mechanics.reduction.residual.level_inverse import compliance_rows
 from trocar.services.mechanics.reduction.residual.selected_inverse import SelectedInverse
 
 EXACT_NODES = 12_000
-"""Up to here every node is loaded on its own: a few minutes; beyond it nodes share solves, the near field apart."""
+"""Up to here patches are exact; beyond it nodes share solves, the near field apart."""
 MOST_COLOURS = 3_000
 """Solves a direction that probing may take, roughly."""
 _CHUNK = 65_536
@@ -35,8 +36,9 @@ def build_patches(
     apart_m: float | None = None,
     progress: Progress = ignore_progress,
 ) -> Residual:
-    """Compute the patches, node by node or by probing.
+    """Compute the patches, exactly or by probing.
 
+    They are read from the rows of K^-1, level of nodes by level (`level_inverse`), unless nodes share solves: probing.
     Probing loads distant nodes in one solve. Nodes at least two radii apart have patches that do not meet; what
     the far residual of one spills into the patch of another is then of the size of what the cut drops (probing
     for the diagonal of an inverse: Tang and Saad 2012). They are kept farther apart than that, as far as
@@ -54,6 +56,9 @@ def build_patches(
     starts, neighbours = patch_pattern(vertices, radius_m)
     blocks = np.zeros((neighbours.size, 3, 3), np.float32)
     distance_m = _default_distance_m(vertices, radius_m) if apart_m is None else apart_m
+    if math.isinf(distance_m):
+        _read_levels(model, basis, (starts, neighbours), blocks, progress)
+        return Residual.patches(starts, neighbours, _symmetrised(starts, neighbours, blocks))
     colours = colour_apart(vertices, distance_m)
     n_colours = int(colours.max()) + 1
     for first in range(0, n_colours, BATCH):
@@ -63,10 +68,9 @@ def build_patches(
         _read_patches(starts, neighbours, loaded, columns, response, blocks)
         progress("residual compliance", min(first + BATCH, n_colours) / n_colours)
     symmetric = _symmetrised(starts, neighbours, blocks)
-    if math.isfinite(distance_m):
-        progress("exact near field", 0.0)
-        _make_near_exact(model, basis, starts, neighbours, symmetric)
-        progress("exact near field", 1.0)
+    progress("exact near field", 0.0)
+    _make_near_exact(model, basis, starts, neighbours, symmetric)
+    progress("exact near field", 1.0)
     return Residual.patches(starts, neighbours, symmetric)
 
 
@@ -181,9 +185,39 @@ def _make_near_exact(
         blocks[here][known] = compliance[known] - a @ b.transpose(0, 2, 1)
 
 
+def _read_levels(
+    model: ShellModel,
+    basis: ModalBasis,
+    pattern: tuple[IntArray, IntArray],
+    blocks: BlockArray,
+    progress: Progress,
+) -> None:
+    """Write K^-1 - Phi Lambda^-1 Phi^T at the pairs of a pattern (starts, neighbours), level of nodes by level."""
+    starts, neighbours = pattern
+    mirror = _mirror(starts, neighbours)
+    flexible = basis.Phi / basis.omega_rad_s
+    place = np.full(basis.n_nodes, -1, np.int32)
+    for nodes, response in compliance_rows(model):
+        level = nodes[: response.shape[0]]
+        place[nodes] = np.arange(nodes.size, dtype=np.int32)
+        counts = starts[level + 1] - starts[level]
+        pairs = np.concatenate([np.arange(starts[node], starts[node + 1]) for node in level])
+        row, column = np.repeat(np.arange(level.size), counts), place[neighbours[pairs]]
+        pairs, row, column = pairs[column >= 0], row[column >= 0], column[column >= 0]
+        modal = flexible[level[row]] @ flexible[nodes[column]].transpose(0, 2, 1)
+        blocks[pairs] = response[row, :, column, :] - modal
+        blocks[mirror[pairs]] = blocks[pairs].transpose(0, 2, 1)
+        progress("residual compliance", nodes.size / basis.n_nodes)
+    progress("residual compliance", 1.0)
+
+
 def _symmetrised(starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> BlockArray:
     """Return the mean of each block and the transpose of its mirror image; probing leaves them a little apart."""
+    return 0.5 * (blocks + blocks[_mirror(starts, neighbours)].transpose(0, 2, 1))
+
+
+def _mirror(starts: IntArray, neighbours: IntArray) -> IntArray:
+    """Return for each pair of a pattern the place (p,) of the same pair with its nodes exchanged."""
     n = starts.size - 1
     places = scipy.sparse.csr_array((np.arange(neighbours.size), neighbours, starts), shape=(n, n))
-    mirror = places.T.tocsr().data
-    return 0.5 * (blocks + blocks[mirror].transpose(0, 2, 1))
+    return places.T.tocsr().data.astype(np.int32)
