@@ -16,9 +16,17 @@ import pytest
 NOBODY = 65534
 _SETPRIV = ["setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups"]
 
-needs_other_user = pytest.mark.skipif(
-    os.geteuid() != 0 or shutil.which("setpriv") is None, reason="only root can act as another user, with setpriv"
-)
+
+def _missing() -> str:
+    """Return what another user lacks here, empty if one can be acted."""
+    if os.geteuid() != 0 or shutil.which("setpriv") is None:
+        return "only root can act as another user, with setpriv"
+    tried = subprocess.run([*_SETPRIV, sys.executable, "-c", ""], capture_output=True, check=False, cwd="/")
+    return f"another user cannot run {sys.executable}" if tried.returncode else ""
+
+
+_lacks = _missing()
+needs_other_user = pytest.mark.skipif(bool(_lacks), reason=_lacks or "nothing is missing")
 
 
 def as_other_user(program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:

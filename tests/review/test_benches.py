@@ -29,7 +29,8 @@ def new_postgres() -> Iterator[Callable[[], str]]:
 def test_no_attempt_is_lost_in_sqlite(tmp_path: Path, seed: int, is_new: bool) -> None:
     url = str(tmp_path / "a.sqlite")
     if not is_new:
-        Store(url)
+        with Store(url):
+            pass
     assert keep_at_once(url, BENCHES, ATTEMPTS, seed) == (0, [])
 
 

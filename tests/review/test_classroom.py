@@ -183,7 +183,8 @@ def test_scores_come_from_the_database_and_one_that_cannot_be_had_is_told(tmp_pa
         write_roll(file, ["http://127.0.0.1:1"], more=f'database = "{place}"', bench_0="heron-17")
         classroom.look()
         until(lambda: f"there is no database of attempts at {place}" in classroom.remark, "nobody was judged yet")
-        Store(str(place))
+        with Store(str(place)):
+            pass
         write_roll(file, ["http://127.0.0.1:1"] * 2, more=f'database = "{place}"', bench_0="heron-17")
         classroom.look()
         until(lambda: classroom.remark == "", "the database is there")
@@ -200,7 +201,8 @@ def test_ten_rigs_with_a_database_that_start_together_are_all_heard(
     database = tmp_path / f"{turn}.sqlite"
     database.touch()  # no tables yet: whoever comes first makes them
     if not is_new:
-        Store(str(database))
+        with Store(str(database)):
+            pass
     names = {f"bench_{k}": f"heron-{k}" for k in range(10)}
     with rigs(10) as (_, addresses):
         file = write_roll(tmp_path / "class.toml", addresses, more=f'database = "{database}"', **names)
@@ -208,7 +210,8 @@ def test_ten_rigs_with_a_database_that_start_together_are_all_heard(
             until(lambda: all(row["state"] != "silent" for row in _rows(address).values()), "all ten are heard")
             for _ in range(5):
                 assert [row["state"] for row in _rows(address).values()] == ["running"] * 10
-                Store(str(database)).listed()
+                with Store(str(database)) as store:
+                    store.listed()
                 time.sleep(0.05)
             assert (classroom.remark, died) == ("", [])
 
