@@ -14,6 +14,7 @@ import numpy as np
 from trocar.protocol import Frame
 from trocar.protocol.topics import PROCESSES
 from trocar.services.meshes.tube_paths import TubePaths
+from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.loop.loop import LoopMeter, ticks
 from trocar.services.runtime.loop.tick_grid import MOMENTS, Moments
 from trocar.services.runtime.process.process import Process, ProcessConfig, main
@@ -28,6 +29,7 @@ RATE_HZ = 12.0
 STAGES = ("orders", "look", "tell")
 _PATIENCE_NS = 10_000_000
 _TELL_NS = 100_000_000
+_CONTINUED = "it goes on from a recording"
 
 
 def prepare(config: ProcessConfig) -> tuple[Scenario | None, Site | None]:
@@ -48,7 +50,7 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
     ways = TubePaths({name: np.array(way) for name, way in site.ways.items()}) if site is not None else None
     trainer = Trainer(
         scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules(), ways,
-        simulated=rig.simulated_time,
+        simulated=rig.simulated_time, never_counts=_CONTINUED if _goes_on_by_hand(rig) else "",
     )  # fmt: skip
     look = _look_at_moments if rig.simulated_time else _look_at_newest
     moments = look(process)
@@ -74,6 +76,11 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
         meter.stages_ns = (
             ordered_ns - tick.started_ns, looked_ns - ordered_ns, time.monotonic_ns() - looked_ns
         )  # fmt: skip
+
+
+def _goes_on_by_hand(rig: Rig) -> bool:
+    """Return whether hands take over where a recording ends."""
+    return rig.replay is not None and rig.replay.take_over
 
 
 def _look_at_newest(process: Process) -> Callable[[], Iterable[dict[str, Frame]]]:

@@ -38,6 +38,7 @@ class Trainer:
         rules: Rules for scoring completed attempts; None for no score.
         ways: Paths through the duct, for a branch as the goal.
         simulated: Whether the rig's time is simulated.
+        never_counts: Why no attempt of this rig counts; empty if one may.
     """
 
     def __init__(
@@ -50,11 +51,12 @@ class Trainer:
         ways: TubePaths | None = None,
         *,
         simulated: bool = False,
+        never_counts: str = "",
     ) -> None:
-        self.scenario = scenario
+        self.scenario, self._never_counts = scenario, never_counts
         self.fitness = Fitness(simulated=simulated)
         self.observer = RigObserver(spared, ways, scenario.goal.branch if scenario else "", self.fitness)
-        self.attempt = FollowedAttempt(scenario.goal if scenario else None)
+        self.attempt = self._new_attempt()
         self._id = _new_id()
         self._again_after_s, self._judges, self._rules = again_after_s, judges, rules
         self._begins = self._awaited = self._asked = self._steps = 0
@@ -111,8 +113,14 @@ class Trainer:
         self._pace, self.score = 1.0, NO_SCORE
         self._ended_s = self.observer.judge = None
         self._from_tick = self._until_tick = -1
-        self.attempt, self._id = FollowedAttempt(self.scenario.goal if self.scenario else None), _new_id()
+        self.attempt, self._id = self._new_attempt(), _new_id()
         return "a new attempt begins"
+
+    def _new_attempt(self) -> FollowedAttempt:
+        attempt = FollowedAttempt(self.scenario.goal if self.scenario else None)
+        if self._never_counts:
+            attempt.spoil(self._never_counts)
+        return attempt
 
     def obey(self, orders: Sequence[bodies.Order]) -> None:
         """Execute orders, each once, unless too old."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
@@ -399,3 +400,19 @@ def test_a_branch_that_the_duct_has_not_is_refused_in_one_sentence():
     site.check_branch("")
     with pytest.raises(ConfigError, match=r"goal\.branch: the duct has no end 'lef'; it has: left"):
         site.check_branch("lef")
+
+
+def test_no_attempt_counts_where_hands_went_on_from_a_recording() -> None:
+    trainer = Trainer(SCENARIO, never_counts="it goes on from a recording")
+    for _ in range(2):
+        told = trainer.body()
+        assert (told.counts, told.why_not) == (False, "it goes on from a recording")
+        trainer.begin("")
+
+
+@pytest.mark.parametrize(("take_over", "goes_on"), [(True, True), (False, False)])
+def test_a_replay_alone_is_judged_as_what_was_recorded(tmp_path: Path, take_over: bool, goes_on: bool) -> None:
+    recording = tmp_path / "a.mcap"
+    recording.touch()
+    rig = load_rig("mouse", (f"replay.file={recording}", f"replay.take_over={str(take_over).lower()}"))
+    assert training_process._goes_on_by_hand(rig) is goes_on
