@@ -135,16 +135,11 @@ class EnergyBook:
         if self._other is not None:
             self._other.begin()
         self.simulation.duct.turn_sections()
-        stored, again = stored_energies_j(self.simulation, self._rod), self._begun
-        if again is not None:
-            stored |= {"grips": again.grips.total_j, "anchors": again.anchors_j}
-        stored_j = float(sum(stored.values())) - self._opening_j
+        again = self._begun
+        stored_j = float(sum(stored_energies_j(self.simulation, self._rod, again).values())) - self._opening_j
         self.flow.numerical_j += self.flow.stored_j - stored_j
         self.flow.stored_j = stored_j
-        self._before = _Snapshot.of(self.simulation, self._rod)
-        if again is not None:
-            self._before = replace(self._before, grips=again.grips, anchors_j=again.anchors_j)
-        self._begun = self._before
+        self._before = self._begun = _Snapshot.of(self.simulation, self._rod, again)
         self._slipped_j = _slipped_j(self.simulation)
         self._spent_j = _dissipated_by_effects_j(self.simulation)
         self._squeezed_j = self.simulation.squeeze.arrays.dissipated_j
@@ -283,7 +278,8 @@ class _Snapshot:
     grips: Grips
 
     @classmethod
-    def of(cls, simulation: Simulation, rod_energy: RodEnergy) -> _Snapshot:
+    def of(cls, simulation: Simulation, rod_energy: RodEnergy, begun: _Snapshot | None) -> _Snapshot:
+        """Return what a part begins with; one that is begun again has the rows of a try, and not those of `begun`."""
         rod, tools = simulation.catheter.state, simulation.tools
         return cls(
             tools.present.copy(),
@@ -294,10 +290,10 @@ class _Snapshot:
             simulation.duct.state.copy(),
             simulation.duct.rate(),
             nodal_loads(simulation),
-            _anchor_energy_j(simulation),
+            _anchor_energy_j(simulation) if begun is None else begun.anchors_j,
             _driven_j(simulation),
             None if simulation.wire_drive is None else simulation.wire_drive.motion,
-            stored_in_grips(simulation),
+            stored_in_grips(simulation) if begun is None else begun.grips,
         )
 
 
@@ -311,10 +307,12 @@ def _port_moments_nm(simulation: Simulation) -> FloatArray:
     return moments
 
 
-def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> dict[str, float]:
+def stored_energies_j(
+    simulation: Simulation, rod: RodEnergy | None = None, begun: _Snapshot | None = None
+) -> dict[str, float]:
     """Return what is stored where at the end of the last step: catheter, duct, couplings, grips, and each effect.
 
-    ``rod`` is the catheter's, where it is known already.
+    ``rod`` is the catheter's, where it is known already, and ``begun`` what a part began with that was taken back.
     """
     tools, duct = simulation.tools, simulation.duct
     stored = {
@@ -322,9 +320,9 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
         "duct": duct.kinetic_energy_j() + duct.strain_energy_j(),
         "duct_load": -float(np.sum(duct.constant_modal_force * duct.state.q)),
         "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
-        "grips": stored_in_grips(simulation).total_j,
+        "grips": (stored_in_grips(simulation) if begun is None else begun.grips).total_j,
         "squeeze": simulation.squeeze.stored_j,
-        "anchors": _anchor_energy_j(simulation),
+        "anchors": _anchor_energy_j(simulation) if begun is None else begun.anchors_j,
         "wire": 0.0 if simulation.wire_drive is None else simulation.wire_drive.stored_j,
     }
     stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}

@@ -34,6 +34,7 @@ MAKERS = (
     "trocar.services.mechanics.reduction.reduce",
     "trocar.services.mechanics.reduction.softening.training",
     "trocar.services.mechanics.reduction.hyperelastic.energy_sampling",
+    "trocar.services.mechanics.simulation.traction",
     "trocar.services.meshes.branching",
     "trocar.services.meshes.cached",
 )

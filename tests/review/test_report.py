@@ -170,7 +170,7 @@ def test_a_browser_draws_it_dark_and_light_and_on_a_phone(
         drawn = "pen.getImageData(0, 0, canvas.width, canvas.height).data.some(value => value > 0)"
         assert browser.evaluate(drawn)
         grounds.append(browser.evaluate("getComputedStyle(document.body).backgroundColor"))
-    assert grounds == ["rgb(255, 255, 255)", "rgb(12, 16, 20)"]
+    assert grounds == ["rgb(233, 237, 241)", "rgb(10, 12, 15)"]
 
 
 def test_a_click_on_a_mark_plays_the_attempt_from_three_seconds_before(

@@ -96,7 +96,8 @@ def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_du
         search.begin(simulation.system)
         pairs.clear()
         search.write_pairs(simulation.system.address, pairs)
-        of_sphere = np.flatnonzero(pairs.particle[: pairs.count] == number)
+        on_wall = pairs.target_kind[: pairs.count] == DUCT_TRIANGLE
+        of_sphere = np.flatnonzero(on_wall & (pairs.particle[: pairs.count] == number))
         p = tuple(spheres.start[0])
         gaps_m = np.array([np.sqrt(segment_triangle(p, p, *map(tuple, c))[0]) for c in corners])
         gaps_m -= radius_m + 0.5 * small_scene.duct.thickness_m
