@@ -6,7 +6,7 @@ const most = (values) => values.reduce((a, b) => Math.max(a, b), -Infinity);
 // The whole picture but for a margin. Places in a picture are from -1 to 1, to the right and up.
 export const MARGIN = 0.9;
 export const WHOLE = { left: -MARGIN, right: MARGIN, bottom: -MARGIN, top: MARGIN };
-const LEAST_HEIGHT = 0.6; // of 2: what covers more than the rest is looked past
+const LEAST_HEIGHT = 0.3; // of 2: where less is free, things there would be too small to be seen
 
 // The nearest eye to which every point appears within the room. points: coordinates (3,) to the right, up and forward of the look;
 // tan: half the picture's width and height at distance 1. Returns the eye in the same coordinates.
