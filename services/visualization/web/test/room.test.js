@@ -44,7 +44,8 @@ test("a box at the side is looked past where it would leave hardly any room", ()
   assert.ok(room.top < top && room.top > top - 0.1 && room.bottom > bottom && room.bottom < bottom + 0.1);
 });
 
-test("where hardly any room is left, the whole picture is used", () => {
+test("where hardly any room is left, panels at the top are looked past, and buttons at the bottom are not", () => {
   const room = roomBeside(VIEW, [box(300, 50, 600, 290), box(300, 360, 600, 290)]);
-  assert.deepEqual([room.top, room.bottom], [MARGIN, -MARGIN]);
+  assert.equal(room.top, MARGIN);
+  assert.ok(room.bottom > -0.5 && room.top - room.bottom > 1);
 });

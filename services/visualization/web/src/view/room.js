@@ -6,7 +6,9 @@ const most = (values) => values.reduce((a, b) => Math.max(a, b), -Infinity);
 // The whole picture but for a margin. Places in a picture are from -1 to 1, to the right and up.
 export const MARGIN = 0.9;
 export const WHOLE = { left: -MARGIN, right: MARGIN, bottom: -MARGIN, top: MARGIN };
-const LEAST_HEIGHT = 0.3; // of 2: where less is free, things there would be too small to be seen
+const LEAST_HEIGHT = 0.6; // of 2: in less, things would be too small to be moved by some millimetres
+// Where there is less, panels at the top are looked through; buttons at the bottom are not, as the jaws are taken there.
+const OVER_BUTTONS = -0.25;
 
 // The nearest eye to which every point appears within the room. points: coordinates (3,) to the right, up and forward of the look;
 // tan: half the picture's width and height at distance 1. Returns the eye in the same coordinates.
@@ -24,7 +26,7 @@ function bounds(across, points, low, high) {
 }
 
 // The room that boxes of the page leave free in a picture `view`, at the round picture's place in its middle: those above the middle
-// end at its top, the others at its bottom. Where that is hardly any, boxes at the side are looked past, and then all.
+// end at its top, the others at its bottom. Where that is hardly any, boxes at the side are looked past, and then those at the top.
 export function roomBeside(view, boxes) {
   const half = 0.5 * Math.min(view.width, view.height), centre = view.left + 0.5 * view.width, share = half / (0.5 * view.width);
   const across = { left: -MARGIN * share, right: MARGIN * share };
@@ -34,7 +36,7 @@ export function roomBeside(view, boxes) {
     const edge = 0.5 * (1 - MARGIN) * (top - bottom);
     if (top - bottom >= LEAST_HEIGHT) return { ...across, bottom: bottom + edge, top: top - edge };
   }
-  return { ...WHOLE, ...across };
+  return { ...WHOLE, ...across, bottom: OVER_BUTTONS };
 }
 
 // What boxes above and below the middle of a picture leave between them.
