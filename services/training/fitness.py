@@ -76,7 +76,7 @@ class Fitness:
         mean_hz = sum(hz for _, hz in self._pictures) / len(self._pictures)
         if mean_hz < LEAST_PICTURES_HZ:
             return (
-                f"you see {mean_hz:.0f} pictures a second and need {LEAST_PICTURES_HZ:.0f}: "
+                f"you see {int(mean_hz)} pictures a second and need {LEAST_PICTURES_HZ:.0f}: "
                 "close other tabs and programs, or make this window smaller"
             )
         return ""
