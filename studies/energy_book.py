@@ -90,9 +90,9 @@ class EnergyBook:
         self._model: RodModel = implicit_integrator(simulation).model
         self._work = allocate_work(len(simulation.catheter.state.position_m))
         self._rod = catheter_energy(simulation.world, self._work)
+        self._begun: _Snapshot | None = None
         self._opening_j = self._stored_j()
         self._healed_states = simulation.healed_states
-        self._begun: _Snapshot | None = None
         self.tick_ns = self._own_ns = 0
 
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
@@ -110,6 +110,7 @@ class EnergyBook:
         """A part that ended unsound is undone, in the books as well: nothing was felt of it, so no hand has worked."""
         for field in fields(self.flow):
             setattr(self.flow, field.name, getattr(self._undone, field.name))
+        self._begun = None
         self._rod = catheter_energy(self.simulation.world, self._work)
         stored_j = self._stored_j() - self._opening_j
         self.flow.healing_j += self.flow.stored_j - stored_j
@@ -136,7 +137,7 @@ class EnergyBook:
             self._other.begin()
         self.simulation.duct.turn_sections()
         again = self._begun
-        stored_j = float(sum(stored_energies_j(self.simulation, self._rod, again).values())) - self._opening_j
+        stored_j = self._stored_j() - self._opening_j
         self.flow.numerical_j += self.flow.stored_j - stored_j
         self.flow.stored_j = stored_j
         self._before = self._begun = _Snapshot.of(self.simulation, self._rod, again)
@@ -159,8 +160,8 @@ class EnergyBook:
         self.flow.friction_j += _slipped_j(self.simulation) - slipped_j
         self.flow.numerical_j += self.simulation.squeeze.arrays.dissipated_j - self._squeezed_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
-        self.flow.stored_j = self._stored_j() - self._opening_j
         self._begun = None
+        self.flow.stored_j = self._stored_j() - self._opening_j
         if self._other is not None:
             self._other.end(dt_s)
 
@@ -170,14 +171,14 @@ class EnergyBook:
         self._rod = catheter_energy(self.simulation.world, self._work)
         if dt_s > 0.0:
             self._enter_tools(before, dt_s)
+        self._begun = before if dt_s == 0.0 else None  # of nothing, rows come back, and their motion does not
         self.flow.stored_j = self._stored_j() - self._opening_j
         self.flow.withheld_j += self.flow.imbalance_j - owed_j
-        self._begun = None
         if self._other is not None:
             self._other.end(dt_s)
 
     def _stored_j(self) -> float:
-        return float(sum(stored_energies_j(self.simulation, self._rod).values()))
+        return float(sum(stored_energies_j(self.simulation, self._rod, self._begun).values()))
 
     def _enter_tools(self, before: _Snapshot, dt_s: float) -> None:
         tools = self.simulation.tools

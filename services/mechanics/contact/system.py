@@ -71,13 +71,12 @@ class ContactSystem:
         self._first_new = 0
         self._applied_forces = self._saved = False
         self._kept_rows = SavedRows([*self.rows.own_memory()[1:], self.force_n, self.slides])
-        self._kept_motion_m, self._has_kept_rows = np.zeros(0), False
         self._vanished_load, self._vanished_load_is_stored = np.zeros(bodies.duct.state.q.size), False
 
     @property
     def motion_m(self) -> FloatArray:
         """(3 k,) gaps and slips in m at the end of the step, with the solved forces, in the contacts' frames."""
-        return self._kept_motion_m if self._has_kept_rows else self._state.problem.motion[: 3 * self.rows.n_contacts]
+        return self._state.problem.motion[: 3 * self.rows.n_contacts]
 
     @property
     def compliance_m_n(self) -> FloatArray:
@@ -87,7 +86,7 @@ class ContactSystem:
     def clear(self) -> None:
         """Remove the rows of the last step; the memory for the warm start keeps their forces."""
         begin_rows(self.address, self.bodies.duct.dt_s)
-        self._first_new, self._has_kept_rows = 0, False
+        self._first_new = 0
 
     def step_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays that a step changes and the next step needs."""
@@ -103,15 +102,13 @@ class ContactSystem:
         self._vanished_load_is_stored = True
 
     def keep_rows(self) -> None:
-        """Keep the rows of this step with their forces and motion, until others are."""
+        """Keep the rows of this step with their forces, until others are."""
         self._kept_rows.save(self.rows.n_contacts)
-        self._kept_motion_m = self.motion_m.copy()
 
     def bring_rows_back(self) -> None:
         """Replace the rows by those that were kept last: nobody has borne the forces of those since."""
         self.rows.n_contacts = self._kept_rows.count
         self._kept_rows.restore()
-        self._has_kept_rows = True
 
     def remove_vanished_tools(self) -> None:
         """Remove from the duct the forces of the last step that were exerted by tools that have vanished."""

@@ -36,7 +36,7 @@ export function roomBeside(view, boxes) {
     const edge = 0.5 * (1 - MARGIN) * (top - bottom);
     if (top - bottom >= LEAST_HEIGHT) return { ...across, bottom: bottom + edge, top: top - edge };
   }
-  return { ...WHOLE, ...across, bottom: OVER_BUTTONS };
+  return { ...across, bottom: OVER_BUTTONS, top: MARGIN };
 }
 
 // What boxes above and below the middle of a picture leave between them.
