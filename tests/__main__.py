@@ -3,7 +3,7 @@
 First everything that shares the machine: a worker a core and one more, as many tests wait for processes, a file stays
 with one of them. Then, alone, what starts a rig that is judged: a rig beside busy neighbours is late, and rightly
 called so. One summary counts both; either part fails the run. Where all tests are run, physics and haptics compile
-before, each its share, so that no two workers compile the same.
+before, each its share, so that no two workers compile the same. What failed is told again at the end.
 
 ``--long``, by hand and before a release, also runs what is marked ``long``; then all hard cases of a seed that nobody
 has seen (``--seed S``: that one), and what is left of the proofs by chance (``tests/proofs``). Their rates are tables
@@ -65,6 +65,7 @@ class Outcome:
     failed: int
     skipped: int
     elapsed_s: float
+    failures: tuple[str, ...] = ()
 
 
 def run_part(options: tuple[str, ...], arguments: list[str]) -> Outcome:
@@ -75,13 +76,23 @@ def run_part(options: tuple[str, ...], arguments: list[str]) -> Outcome:
         command = [sys.executable, "-m", "pytest", *options, f"--junitxml={report}", *arguments]
         exit_code = subprocess.run(command, check=False, env={**os.environ, **_ENVIRONMENT}).returncode
         passed, failed, skipped = _counts(report) if report.exists() else (0, 0, 0)
-    return Outcome(exit_code, passed, failed, skipped, time.monotonic() - began_s)
+        failures = _failures(report) if failed else ()
+    return Outcome(exit_code, passed, failed, skipped, time.monotonic() - began_s, failures)
 
 
 def _counts(report: Path) -> tuple[int, int, int]:
     suite = next(ElementTree.parse(report).iter("testsuite"))
     every, failures, errors, skipped = (int(suite.get(name, 0)) for name in ("tests", "failures", "errors", "skipped"))
     return every - failures - errors - skipped, failures + errors, skipped
+
+
+def _failures(report: Path) -> tuple[str, ...]:
+    """Return of each test that failed its name and what pytest says of it."""
+    told = []
+    for case in ElementTree.parse(report).iter("testcase"):
+        name = f"{case.get('classname')}::{case.get('name')}"
+        told += [f"=== {name}\n{part.text}" for part in case if part.tag in ("failure", "error")]
+    return tuple(told)
 
 
 def exit_code(parts: list[Outcome]) -> int:
@@ -142,6 +153,8 @@ def main(arguments: list[str]) -> int:
     parts = [run_part(("-n", str(workers), *_TOGETHER), arguments)]
     if parts[0].exit_code != 2:  # interrupted, or -x
         parts.append(run_part(_ALONE, arguments))
+    for told in [told for part in parts for told in part.failures]:
+        print(told)  # once more: whoever sees only the end of a long output wants to know
     print(summary(parts))
     rates = measure_rates(seed) if "--long" in arguments and parts[0].exit_code != 2 else 0
     return exit_code(parts) or rates

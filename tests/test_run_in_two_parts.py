@@ -44,6 +44,9 @@ def test_a_part_is_counted(options: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "test_suite.py").write_text(SUITE.format(bad="False"))
     part = run_part((*options, "-q", "-c", "/dev/null", "--rootdir", str(tmp_path)), [str(tmp_path)])
     assert (part.exit_code, part.passed, part.failed, part.skipped) == (1, 1, 1, 1)
+    [told] = part.failures
+    assert "test_bad" in told
+    assert "assert False" in told
 
 
 def test_what_starts_a_rig_is_in_the_second_part_and_nothing_else() -> None:
