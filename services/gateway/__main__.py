@@ -182,7 +182,9 @@ class Gateway:
         """Return the speed of simulated time at which the page that has the hands shows enough pictures."""
         frame = self._newest(HANDS)
         if frame is not None and frame.valid:
-            governor.take_pictures(frame.sent_ns * 1e-9, frame.body.pictures_hz)
+            attempt = self._bus.latest(ATTEMPT)
+            is_played = attempt is None or attempt.body.state == "running"
+            governor.take_pictures(frame.sent_ns * 1e-9, frame.body.pictures_hz, is_played=is_played)
         governor.forget_silent_page(time.monotonic())
         return governor.speed
 

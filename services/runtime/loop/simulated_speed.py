@@ -6,6 +6,7 @@ At a lower speed they take less in the same proportion.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from trocar.services.runtime.loop.quality_governor import Hysteresis, Load, QualityGovernor
@@ -17,6 +18,9 @@ LEAST_PICTURES_HZ, LEAST_SPEED = 12.0, 0.5
 SPEEDS = (1.0, 0.9, 0.8, 0.7, 0.6)
 #: A page counts the pictures of a second, so its count is uncertain by one.
 _COUNT_HZ = 1.0
+_NEEDED_HZ = LEAST_PICTURES_HZ + _COUNT_HZ
+#: So many that the loops take nothing from them: a graphics processor draws.
+_AMPLE_HZ = 2.0 * _NEEDED_HZ
 _HYSTERESIS = Hysteresis(calm_s=10.0, trial_s=20.0, longest_s=120.0)
 #: A page counts its pictures once a second and says the count more often; after some seconds without a word nobody
 #: steers.
@@ -24,7 +28,11 @@ _COUNTED_S, _SILENT_S = 1.0, 3.0
 
 
 class SpeedGovernor:
-    """Lowers the speed while the page that has the hands shows too few pictures, and raises it again.
+    """Keeps the speed at which the page that has the hands shows enough pictures.
+
+    It begins with the slowest and goes faster where there is room, so that the first seconds of an attempt are seen,
+    too. A scene at rest costs less than one that is played: what a page shows of it says nothing of room. Without a
+    page the speed is that of the clock; what it has learned of a page stays for the next.
 
     Args:
         speeds: The speeds to choose from, fastest first.
@@ -32,37 +40,44 @@ class SpeedGovernor:
 
     def __init__(self, speeds: Sequence[float] = SPEEDS) -> None:
         self._speeds = speeds
-        self._ladder = QualityGovernor(len(speeds), _HYSTERESIS)
-        self._told_s = self._counted_s = 0.0
+        self._ladder = QualityGovernor(len(speeds), _HYSTERESIS, range(len(speeds)))
+        self._told_s = self._counted_s = -math.inf
+        self._is_silent = True
 
     @property
     def speed(self) -> float:
         """Speed of simulated time, 0 to 1."""
-        return self._speeds[self._ladder.level]
+        return 1.0 if self._is_silent else self._speeds[self._ladder.level]
 
-    def take_pictures(self, now_s: float, pictures_hz: float) -> None:
-        """Process what the page told at `now_s`; a negative number is unknown."""
+    def take_pictures(self, now_s: float, pictures_hz: float, *, is_played: bool) -> None:
+        """Process what the page told at `now_s`; a negative number is unknown. `is_played`: whether an attempt runs."""
         if pictures_hz < 0.0:
             return
-        self._told_s = now_s
+        self._told_s, self._is_silent = now_s, False
         if now_s - self._counted_s < _COUNTED_S:
             return
         self._counted_s = now_s
-        if pictures_hz < LEAST_PICTURES_HZ + _COUNT_HZ:
+        if pictures_hz < _NEEDED_HZ:
             self._ladder.overdrawn(now_s)
             if self._ladder.can_lower:
                 self._ladder.descend(*self._levels_down(pictures_hz))
+        elif pictures_hz >= _AMPLE_HZ:
+            while self._ladder.come_back(now_s):
+                pass
         else:
-            has_room = pictures_hz >= LEAST_PICTURES_HZ + 2.0 * _COUNT_HZ
-            self._ladder.observe(now_s, Load.CALM if has_room else Load.FULL)
+            self._ladder.observe(now_s, Load.CALM if is_played and self._has_room(pictures_hz) else Load.FULL)
+
+    def _has_room(self, pictures_hz: float) -> bool:
+        """Return whether the next speed would leave enough pictures, if they become fewer as the speed grows."""
+        faster = self._speeds[max(self._ladder.level - 1, 0)]
+        return pictures_hz * self.speed / faster >= _NEEDED_HZ + _COUNT_HZ
 
     def _levels_down(self, pictures_hz: float) -> list[int]:
         """Return the levels down to the speed that is too fast by no more than the pictures are too few."""
-        wanted = self.speed * pictures_hz / (LEAST_PICTURES_HZ + _COUNT_HZ)
+        wanted = self.speed * pictures_hz / _NEEDED_HZ
         level = next((k for k, speed in enumerate(self._speeds) if speed <= wanted), len(self._speeds) - 1)
         return list(range(self._ladder.level + 1, level + 1))
 
     def forget_silent_page(self, now_s: float) -> None:
-        """Return to full speed once no page tells of pictures any more."""
-        if self._ladder.level and now_s - self._told_s > _SILENT_S:
-            self._ladder = QualityGovernor(len(self._speeds), _HYSTERESIS)
+        """Return to the speed of the clock once no page tells of pictures any more."""
+        self._is_silent = now_s - self._told_s > _SILENT_S
