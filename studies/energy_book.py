@@ -47,8 +47,7 @@ class EnergyFlow:
         released_j: What holds had stored that were let go, and couplings of tools that came back elsewhere; less what
             holds come back with that had found no row for a while.
         numerical_j: What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance
-            and a wall that is squeezed, with what that loses where it slides out from between jaws. Also what the
-            residual compliance loses, or gains, as the sections of the wall turn under the same loads between steps.
+            and a wall that is squeezed, with what that loses where it slides out from between jaws.
     """
 
     input_j: float = 0.0
@@ -135,7 +134,6 @@ class EnergyBook:
         """
         if self._other is not None:
             self._other.begin()
-        self.simulation.duct.turn_sections()
         again = self._begun
         stored_j = self._stored_j() - self._opening_j
         self.flow.numerical_j += self.flow.stored_j - stored_j
@@ -237,11 +235,11 @@ class EnergyBook:
 
     def _enter_residual(self, before: _Snapshot) -> None:
         duct = self.simulation.duct
-        change = nodal_loads(self.simulation) - before.loads
+        change = _loads_on_wall(self.simulation) - before.loads
         nodes = np.flatnonzero(np.any(change != 0.0, axis=1)).astype(np.int32)
-        moved = np.zeros((len(nodes), 3))
-        duct.reduced.residual.apply(nodes, change[nodes], nodes, moved)
-        self.flow.numerical_j += 0.5 * float(np.sum(moved * change[nodes]))
+        loads, moved = duct.turn_to_world(nodes, change[nodes]), np.zeros((len(nodes), 3))
+        duct.reduced.residual.apply(nodes, loads, nodes, moved)
+        self.flow.numerical_j += 0.5 * float(np.sum(moved * loads))
 
     def _enter_contacts(self, before: _Snapshot) -> None:
         """Work of the contact forces on the relative motion, friction and normal apart; anchors store some of it."""
@@ -290,7 +288,7 @@ class _Snapshot:
             rod_energy.elastic_j,
             simulation.duct.state.copy(),
             simulation.duct.rate(),
-            nodal_loads(simulation),
+            _loads_on_wall(simulation),
             _anchor_energy_j(simulation) if begun is None else begun.anchors_j,
             _driven_j(simulation),
             None if simulation.wire_drive is None else simulation.wire_drive.motion,
@@ -364,6 +362,14 @@ def nodal_loads(simulation: Simulation) -> FloatArray:
     loads = np.zeros((simulation.duct.reduced.mesh.n_vertices, 3))
     n = simulation.duct.n_loads
     loads[simulation.duct.load_nodes[:n]] = simulation.duct.load_force_n[:n]
+    return loads
+
+
+def _loads_on_wall(simulation: Simulation) -> FloatArray:
+    """Return the same loads (n, 3) along the axes of the wall at rest, which its sections turn."""
+    duct, loads = simulation.duct, nodal_loads(simulation)
+    loaded = np.flatnonzero(np.any(loads != 0.0, axis=1)).astype(np.int32)
+    loads[loaded] = duct.turn_to_wall(loaded, loads[loaded])
     return loads
 
 
