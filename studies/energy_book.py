@@ -6,7 +6,7 @@ They allocate and evaluate forces again: for tests and studies, not for the 1 kH
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from time import thread_time_ns
 
 import numpy as np
@@ -21,7 +21,7 @@ from trocar.services.mechanics.rod.energy import RodEnergy, rod_energy
 from trocar.services.mechanics.rod.model import RodModel, RodWork, allocate_work
 from trocar.services.mechanics.rod.twist import add_frame_forces
 from trocar.services.mechanics.scene.tools import N_TOOLS, ToolInputs
-from trocar.services.mechanics.simulation.simulation import Simulation, Watcher
+from trocar.services.mechanics.simulation.simulation import Simulation
 from trocar.services.mechanics.world import World
 from trocar.studies.grip_energy import Grips, enter_grips, stored_in_grips
 from trocar.studies.rod_forces import internal_forces
@@ -41,8 +41,8 @@ class EnergyFlow:
         friction_j: Sliding in contacts and in the introducer, and slipping holds.
         effects_j: What effects say that they dissipate.
         impact_j: Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
-        healing_j: What was stored before the parts of steps that ended in states that were not sound, less what is
-            stored in those that were taken up again. The part itself is not entered: nothing was felt of it.
+        healing_j: What was stored at the end of a part after which a caller has set an impossible state, less what is
+            stored at its start, at rest.
         withheld_j: What parts of steps have lost that kept only a share of their motion.
         released_j: What holds had stored that were let go, and couplings of tools that came back elsewhere; less what
             holds come back with that had found no row for a while.
@@ -75,16 +75,15 @@ class EnergyFlow:
 
 
 class EnergyBook:
-    """Steps a simulation and keeps its books; ``other`` watches its parts as well.
+    """Steps a simulation and keeps its books.
 
     Attributes:
         flow: EnergyFlow
-        tick_ns: int. Processor time of the last step, without that of the books and of ``other``.
+        tick_ns: int. Processor time of the last step, without that of the books.
     """
 
-    def __init__(self, simulation: Simulation, other: Watcher | None = None) -> None:
+    def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
-        self._other = other
         self.flow = EnergyFlow()
         self._model: RodModel = implicit_integrator(simulation).model
         self._work = allocate_work(len(simulation.catheter.state.position_m))
@@ -106,9 +105,7 @@ class EnergyBook:
             self._enter_healing()
 
     def _enter_healing(self) -> None:
-        """A part that ended unsound is undone, in the books as well: nothing was felt of it, so no hand has worked."""
-        for field in fields(self.flow):
-            setattr(self.flow, field.name, getattr(self._undone, field.name))
+        """Enter that a world was put back to the start of its last part, whose flows were felt and stay."""
         self._begun = None
         self._rod = catheter_energy(self.simulation.world, self._work)
         stored_j = self._stored_j() - self._opening_j
@@ -132,8 +129,6 @@ class EnergyBook:
 
         A part that is begun again has the rows of the try that was taken back: what they store is as it was.
         """
-        if self._other is not None:
-            self._other.begin()
         again = self._begun
         stored_j = self._stored_j() - self._opening_j
         self.flow.numerical_j += self.flow.stored_j - stored_j
@@ -142,7 +137,6 @@ class EnergyBook:
         self._slipped_j = _slipped_j(self.simulation)
         self._spent_j = _dissipated_by_effects_j(self.simulation)
         self._squeezed_j = self.simulation.squeeze.arrays.dissipated_j
-        self._undone = replace(self.flow)
 
     def _end(self, dt_s: float) -> None:
         """Enter a part of a step."""
@@ -160,8 +154,6 @@ class EnergyBook:
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self._begun = None
         self.flow.stored_j = self._stored_j() - self._opening_j
-        if self._other is not None:
-            self._other.end(dt_s)
 
     def _enter_part_taken_back(self, before: _Snapshot, dt_s: float) -> None:
         """Enter what hands have done in a part that has kept only a share of its motion; the rest is withheld."""
@@ -172,8 +164,6 @@ class EnergyBook:
         self._begun = before if dt_s == 0.0 else None  # of nothing, rows come back, and their motion does not
         self.flow.stored_j = self._stored_j() - self._opening_j
         self.flow.withheld_j += self.flow.imbalance_j - owed_j
-        if self._other is not None:
-            self._other.end(dt_s)
 
     def _stored_j(self) -> float:
         return float(sum(stored_energies_j(self.simulation, self._rod, self._begun).values()))
