@@ -130,7 +130,6 @@ def test_what_jaws_have_squeezed_away_is_no_overlap():
     in_jaws = (rows.tool[:n] == 1) & np.array(HAS_GAP)[rows.law[:n]]
     assert (rows.rest_offset_m[:n] * in_jaws).max() > 0.1e-3
     found = Watch(simulation, 0.1)
-    found.end(1e-3)
     for _ in range(10):
         found.look(1e-3, None)
     assert found.worst["tool_penetration"] < 0.05e-3 < (-rows.gap_m[:n] * in_jaws).max()
