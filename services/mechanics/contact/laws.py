@@ -60,6 +60,8 @@ LAWS: dict[str, Law] = {
     "seal": Law(softness_m_n=(SEAL_SOFTNESS_M_N,) * 3, max_tension=1.0, max_compression=1.0),
     # Squeezed material pushes jaws apart. The slip of its row is zero where a spring between them would be unloaded.
     "squeeze": Law(softness_m_n=(SURFACE_SOFTNESS_M_N,) * 3),
+    # The spring of a clip draws with all of its force, however far it has come; the slip of its row begins far away.
+    "pull": Law(softness_m_n=(SURFACE_SOFTNESS_M_N,) * 3, max_tension=1.0, max_compression=0.0),
 }  # fmt: skip
 
 
