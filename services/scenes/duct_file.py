@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from trocar.services.files.cache_directory import cache_directory
-from trocar.services.mechanics.effects.clip import clip_place
+from trocar.services.mechanics.effects import build_effects
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
@@ -26,13 +26,14 @@ def duct_file(duct: ReducedDuct, scene: SceneModel | None = None) -> bytes:
     """Return an npz file: vertices_m (n, 3), triangles (t, 3), modes (n, 3, m) in 1/sqrt(kg), and basis_hash.
 
     Nodes are at ``vertices_m + modes @ q``; loads near contacts add a little: a recording's picture has it. For each
-    named end but the mouth there is the way to it at rest, ``way_NAME`` (k, 3) in m. If the ``scene`` has a clip,
-    ``clip`` (4,) is its middle and its reach in m.
+    named end but the mouth there is the way to it at rest, ``way_NAME`` (k, 3) in m. For each effect of the ``scene``
+    that acts at a place of the duct ``place_NAME`` (4,) is its middle and its reach in m.
     """
     file = io.BytesIO()
     more: dict[str, Any] = {f"way_{name}": way_m for name, way_m in centrelines(duct.mesh).items()}
-    if scene is not None and (clip := clip_place(scene, duct.mesh)) is not None:
-        more["clip"] = np.append(*clip)
+    for name, effect in build_effects(scene).items() if scene is not None else ():
+        if (place_m := effect.place_m(duct.mesh)) is not None:
+            more[f"place_{name}"] = place_m
     np.savez_compressed(
         file,
         vertices_m=duct.mesh.vertices_m,

@@ -12,6 +12,7 @@ from trocar.services.mechanics.effects.friction import FrictionSettings
 from trocar.services.mechanics.scenarios import PlayedScene, ToolMotion
 from trocar.services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.surface.incision import INCISION, gap_middle_m
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import Opening, mouth_opening
 from trocar.services.scenes.driving_hands import driving_hands
@@ -64,7 +65,7 @@ def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> PlayedS
         what="one forceps steadies the duct, the other brings the catheter before the mouth and slides it in",
         duration_s=2.2,
         scene=scene,
-        motions=(_inserting_hand(scene, mouth), _steadying_hand(scene, mesh, mouth)),
+        motions=(_inserting_hand(scene, _entry(scene, mesh, mouth)), _steadying_hand(scene, mesh, mouth)),
     )
 
 
@@ -120,6 +121,14 @@ def _pressing_hand(scene: SceneModel, at: int, mesh: TriangleMesh, mouth: Openin
         roll_rad=(0.0,) * 3,
         grip_offset_m=beyond_m,
     )
+
+
+def _entry(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Opening:
+    """Return the opening that the catheter goes in by; into a cut it goes as it lies, in the middle of the gap."""
+    if scene.catheter.opening != INCISION:
+        return mouth
+    along = np.array(scene.catheter.direction) / float(np.linalg.norm(scene.catheter.direction))
+    return Opening(gap_middle_m(mesh), along, mouth.radius_m)
 
 
 def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:

@@ -52,7 +52,7 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
 
 
 _MODULE = "trocar.services.scenes.duct_file"
-_WAY = "way_"
+_WAY, _CLIP = "way_", "place_clip"
 _NEAREST, _FURTHEST = 2.0, 3.5
 _EYE = 0.85, 0.95, 0.95
 """Position of the page's endoscope in lengths of the duct: along it, beside it and up."""
@@ -107,7 +107,7 @@ def read_site(attachment: bytes) -> Site:
         with np.load(io.BytesIO(attachment), allow_pickle=False) as data:
             arrays = [data[name] for name in ("vertices_m", "triangles", "modes", "basis_hash")]
             ways = {name.removeprefix(_WAY): data[name] for name in data.files if name.startswith(_WAY)}
-            clip = data["clip"].astype(float) if "clip" in data.files else None
+            clip = data[_CLIP].astype(float) if _CLIP in data.files else None
     except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"duct.npz cannot be read: {error}") from None
     vertices_m, triangles, modes, basis_hash = arrays

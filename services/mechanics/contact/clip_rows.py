@@ -55,6 +55,7 @@ class Clip(Struct):
     closing_n: float  # force of its spring once it is closed
     rate_n_s: float  # at which that force grows
     is_closed: bool = False
+    is_passed: bool = False  # whether the catheter passes it
     pull_n: float = 0.0  # of each leg now
     pressing_n: float = 0.0  # with which each side of the catheter is pressed
     squeezed_n: float = 0.0  # with which jaws squeeze the duct there
@@ -69,11 +70,11 @@ def append_clip(state_address: Address[ContactState], clip_address: Address[Clip
     """Append pull and pad of both legs where the catheter passes the clip; else there are none, and it lies open."""
     state, clip = state_at(state_address), clip_at(clip_address)
     clip.row[:] = _NOT_THERE
+    segment, s = _passage(clip, state.geometry.rod.position)
+    clip.is_passed = segment != _NOT_THERE
     if not clip.is_closed:
         return
-    rod = state.geometry.rod
-    segment, s = _passage(clip, rod.position)
-    if segment == _NOT_THERE:
+    if not clip.is_passed:
         clip.given_j -= clip.pull_n * _apart_m(clip)
         clip.pull_n = 0.0
         return

@@ -12,6 +12,7 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.contact.clip_rows import N_LEGS, Clip, append_clip, follow_clip
 from trocar.services.mechanics.effects.base import Effect, require_positive
 from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.mechanics.surface.cross_section import (
     CrossSection,
     SurfacePoint,
@@ -23,6 +24,8 @@ from trocar.services.mechanics.world import World
 
 REACH_RADII = 2.0
 """Of the duct: what touches it within so many radii from the clip's middle is under the clip."""
+_LEG_HIGH_M, _ENDS_M = 0.8e-3, 2e-3
+"""Of a leg in the picture: its height, and how much longer it is than half the circumference; assumptions."""
 _ALONG = 0.9
 """Cosine to the duct's axis beyond which a direction does not tell how the legs lie."""
 
@@ -31,8 +34,8 @@ _ALONG = 0.9
 class ClipSettings:
     """Place behind the mouth and direction in which the clip closes; its force, and how fast that grows.
 
-    It closes ``at_start``, or ``by_jaws``: once the jaws of a tool squeeze the duct there with the force of the clip.
-    The leg is ``leg_width_m`` wide along the duct. No force of a clip on a duct is published: 1 N is an assumption.
+    It closes ``at_start``, or ``by_jaws``: once jaws squeeze duct and catheter there with the force of the clip. The
+    leg is ``leg_width_m`` wide along the duct. No force of a clip on a duct is published: 1 N is an assumption.
     """
 
     at_m: float = 6e-3
@@ -102,8 +105,27 @@ class ClipEffect(Effect):
         """Follow the wall, and close where jaws squeeze the duct with the force of the clip."""
         state = self.state
         follow_clip(world.system.address, state.address, world.duct.displacement_m, dt_s)
-        if not state.is_closed and state.squeezed_n >= state.closing_n:
+        if not state.is_closed and state.is_passed and state.squeezed_n >= state.closing_n:
             state.is_closed = True
+
+    def place_m(self, mesh: TriangleMesh) -> FloatArray:
+        """Return the middle of the clip and its reach."""
+        section = _section(mesh, self.settings)
+        return np.append(section.middle_m, REACH_RADII * section.radius_m)
+
+    def bars(self, mesh: TriangleMesh) -> tuple[WallBar, ...]:
+        """Return both legs, as long as the duct is wide when it is pressed flat."""
+        section, points = _legs(mesh, self.settings)
+        size_m = 0.5 * math.pi * section.radius_m + _ENDS_M, self.settings.leg_width_m, _LEG_HIGH_M
+        bars = []
+        for point, other in (points, points[::-1]):
+            out = point.place_m - other.place_m
+            out /= np.linalg.norm(out)
+            across = np.cross(section.inward, out)
+            corners = mesh.triangles[point.triangle]
+            nodes = int(corners[0]), int(corners[1]), int(corners[2])
+            bars.append(WallBar(nodes, _three(point.weights), _three(across), _three(out), size_m))
+        return tuple(bars)
 
     @property
     def state(self) -> Clip:
@@ -133,15 +155,6 @@ class ClipEffect(Effect):
         return -self.state.given_j
 
 
-def clip_place(scene: SceneModel, mesh: TriangleMesh) -> tuple[FloatArray, float] | None:
-    """Return the middle (3,) of a scene's clip on the duct at rest, and how far it reaches; None if it has no clip."""
-    settings = scene.effects.get("clip")
-    if not isinstance(settings, ClipSettings):
-        return None
-    section = _section(mesh, settings)
-    return section.middle_m, REACH_RADII * section.radius_m
-
-
 def _section(mesh: TriangleMesh, settings: ClipSettings) -> CrossSection:
     try:
         return section_behind_mouth(mesh, settings.at_m)
@@ -154,10 +167,17 @@ def _legs(mesh: TriangleMesh, settings: ClipSettings) -> tuple[CrossSection, tup
     section = _section(mesh, settings)
     wanted = np.array(settings.closes_along) / np.linalg.norm(settings.closes_along)
     if abs(wanted @ section.inward) > _ALONG:
-        raise ValueError(f"effects.clip.closes_along: {settings.closes_along} is along the duct there, not across")
+        raise ValueError(
+            f"effects.clip.closes_along: {list(settings.closes_along)} is along the duct there, not across"
+        )
     across = wanted - (wanted @ section.inward) * section.inward
     across /= np.linalg.norm(across)
     points = pierced_m(mesh, section.middle_m, -across), pierced_m(mesh, section.middle_m, across)
     if points[0] is None or points[1] is None:
         raise ValueError("effects.clip.at_m: the duct has no wall on both sides there, it is cut open")
     return section, (points[0], points[1])
+
+
+def _three(vector: FloatArray) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z

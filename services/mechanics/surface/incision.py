@@ -106,6 +106,16 @@ def incise(mesh: TriangleMesh, cut: Incision) -> TriangleMesh:
     return _gaping(*_parted(_with_arc(fine, arc, rims), arc), arc, cut, rims)
 
 
+def gap_middle_m(mesh: TriangleMesh) -> FloatArray:
+    """Return the point (3,) halfway between the middles of both lips of a mesh's cut."""
+    rim = mesh.vertices_m[mesh.vertex_sets[INCISION]]
+    lip = len(rim) // 2 - 1  # vertices of each between the ends
+    first, second = np.arange(1, lip + 1), np.arange(lip + 2, 2 * lip + 2)
+    middles = [rim[own[(lip - 1) // 2 : lip // 2 + 1]].mean(axis=0) for own in (first, second)]
+    middle: FloatArray = np.mean(middles, axis=0)
+    return middle
+
+
 def check_incision(cut: Incision) -> None:
     """Check a cut's numbers, without a surface. Raises ValueError that begins with the key."""
     for key in ("at_m", "depth", "length_m"):

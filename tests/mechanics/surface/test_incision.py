@@ -139,7 +139,10 @@ def test_a_number_that_makes_no_cut_is_refused_by_its_key(values: dict[str, obje
     ("values", "sentence"),
     [
         ({"at_m": 0.1}, r"duct\.incision\.at_m: the duct has no wall 100 mm behind its mouth, it ends before"),
-        ({"at_m": 1e-3}, r"duct\.incision\.at_m: the cut comes too near to an end of the duct, at 1 mm behind its mouth"),
+        (
+            {"at_m": 1e-3},
+            r"duct\.incision\.at_m: the cut comes too near to an end of the duct, .*",
+        ),
         ({"at_m": 38e-3}, r"duct\.incision\.at_m: the .*"),
         ({"front": (1.0, 0.0, 0.1)}, r"duct\.incision\.front: \[1.0, 0.0, 0.1\] is along the duct there, not across"),
     ],
