@@ -27,7 +27,7 @@ def duct_file(duct: ReducedDuct, scene: SceneModel | None = None) -> bytes:
 
     Nodes are at ``vertices_m + modes @ q``; loads near contacts add a little: a recording's picture has it. For each
     named end but the mouth there is the way to it at rest, ``way_NAME`` (k, 3) in m. For each effect of the ``scene``
-    that acts at a place of the duct ``place_NAME`` (4,) is its middle and its reach in m.
+    that acts at a place of the duct ``place_NAME`` (7,) is its middle and its reach in m, and the direction there.
     """
     file = io.BytesIO()
     more: dict[str, Any] = {f"way_{name}": way_m for name, way_m in centrelines(duct.mesh).items()}

@@ -119,6 +119,7 @@ class SituationReader:
         self._site = site
         self._mouth_m = np.array(site.mouth_m) if site else None
         self._inward = np.array(site.inward) if site else _ZERO
+        self._clip_inward = np.array(site.clip_inward) if site else _ZERO
         self._eye_m: Vector | None = None
         if site is not None and site.eye_m is not None and site.looks_at_m is not None:
             self._eye_m, self._axis = np.array(site.eye_m), np.subtract(site.looks_at_m, site.eye_m)
@@ -224,8 +225,9 @@ class SituationReader:
         s.clip_n = loads.sides(of[0] & (away_m < radius_m + _CLIP_REACH_M))[1]
         if self._site is not None and self._site.clip_m is not None:
             under = _distances(point, np.array(self._site.clip_m)) < self._site.clip_reach_m
-            s.clipped_n = loads.sides(of[2] & under)[1]
-            s.clip_n = max(s.clipped_n, loads.sides(of[0] & under)[1])
+            across = Loads(force - np.outer(force @ self._clip_inward, self._clip_inward))  # a pull is no pressure
+            s.clipped_n = across.sides(of[2] & under)[1]
+            s.clip_n = max(s.clipped_n, across.sides(of[0] & under)[1])
 
     def _take_holds(self, s: Situation, state: PhysicsState, rod: _Rod, entry: Vector | None) -> None:
         if self._contacts is None:

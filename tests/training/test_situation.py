@@ -124,6 +124,14 @@ def test_what_a_clip_presses_with_tells_whether_it_is_loose_or_crimps_or_leaks(
     assert set(judge.errors) & {"E9", "E10"} == codes
 
 
+def test_a_pull_at_a_catheter_under_a_clip_is_no_pressure_less() -> None:
+    reader, last = SituationReader(CLIPPED_SITE), None
+    for topic, _, body in messages(changed(CLIPPED | {"clip_drags": [(0.0, 0.3)]}), 11.0):
+        last = reader.take(topic, body) or last
+    assert last is not None
+    assert last.clipped_n == pytest.approx(0.6, rel=1e-9)
+
+
 def test_a_way_back_far_from_the_mouth_is_no_retry() -> None:
     far = [(1.0, 4.5e-3), (1.5, 4.5e-3), (1.8, 9e-3), (2.1, 4.5e-3), (2.4, 4.4e-3)]
     judge, errors = judged({"gap": far}, 2.5)

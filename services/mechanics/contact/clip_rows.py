@@ -20,6 +20,7 @@ from trocar.services.mechanics.compiled.vectors import (
     between,
     dot,
     put_row,
+    row_of,
     squared_distance,
     subtract,
     unit,
@@ -153,19 +154,19 @@ def follow_clip(
 
 @kernel
 def _common_n(state: ContactState, clip: Clip, of_tools: bool) -> float:
-    """Return the load (N) that both sides under the clip have in common: of the catheter's wall, or of jaws."""
+    """Return the normal force (N) that both sides under the clip have in common: of the catheter's wall, or of jaws."""
     rows, total, net = state.rows, 0.0, (0.0, 0.0, 0.0)
     middle = between(vector(clip.place_m, 0), vector(clip.place_m, 1), 0.5)
     for row in range(rows.n_contacts):
-        is_tool, force = rows.tool[row] != NO_TOOL, vector(state.force_n, row)
+        is_tool, normal_n = rows.tool[row] != NO_TOOL, max(rows.force_n[row, 0], 0.0)
         on_wall = rows.duct_weight[row, 0] != 0.0 or rows.duct_weight[row, 1] != 0.0 or rows.duct_weight[row, 2] != 0.0
         if is_tool and not on_wall:  # a squeezed wall's row moves no node
             on_wall = rows.identity[row] > 0 and part_of(rows.identity[row], TARGET_KIND) == DUCT_TRIANGLE
         if is_tool != of_tools or not on_wall or rows.stone[row] != NO_STONE or rows.law[row] == PULL:
             continue
         if squared_distance(vector(rows.point_m, row), middle) < clip.reach_m * clip.reach_m:
-            total += math.sqrt(dot(force, force))
-            net = along(net, force, 1.0)
+            total += normal_n
+            net = along(net, row_of(rows.frame, row, 0), normal_n)
     return 0.5 * (total - math.sqrt(dot(net, net)))
 
 

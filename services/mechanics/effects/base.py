@@ -107,7 +107,8 @@ class Effect:
         """Raise a ValueError for a mesh that the effect cannot act on; called before the modes are computed."""
 
     def place_m(self, mesh: TriangleMesh) -> FloatArray | None:
-        """Return where on the duct at rest it acts, for who judges an attempt: middle and reach (4,) in m.
+        """Return where on the duct at rest it acts, for who judges an attempt: (7,) middle and reach in m, and a unit
+        vector along the duct.
 
         None, the default, for an effect that acts at no place in particular.
         """

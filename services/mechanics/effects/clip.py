@@ -109,9 +109,9 @@ class ClipEffect(Effect):
             state.is_closed = True
 
     def place_m(self, mesh: TriangleMesh) -> FloatArray:
-        """Return the middle of the clip and its reach."""
+        """Return the middle of the clip, its reach, and the direction of the duct there."""
         section = _section(mesh, self.settings)
-        return np.append(section.middle_m, REACH_RADII * section.radius_m)
+        return np.concatenate([section.middle_m, [REACH_RADII * section.radius_m], section.inward])
 
     def bars(self, mesh: TriangleMesh) -> tuple[WallBar, ...]:
         """Return both legs, as long as the duct is wide when it is pressed flat."""

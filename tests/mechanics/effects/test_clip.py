@@ -18,7 +18,7 @@ from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes.duct_file import duct_file
 from trocar.services.training.site import read_site
 
-AT_M, CLOSING_N = 6e-3, 2.0
+AT_M, CLOSING_N = 6e-3, 0.5
 PARTICLE = 15  # held by a grasp that never slips, outside the duct
 MU = 0.15
 
@@ -78,9 +78,10 @@ def test_both_sides_are_pressed_by_the_force_of_the_clip_less_what_the_wall_resi
     resists_n = wall_resists_n(simulation)
     assert 0.1 * CLOSING_N < resists_n < 0.7 * CLOSING_N
     assert clip.pull_n == CLOSING_N
-    assert clip.pressing_n == pytest.approx(CLOSING_N - resists_n, rel=0.03)
+    assert clip.pressing_n == pytest.approx(CLOSING_N - resists_n, rel=0.04)  # facets beside the legs share
     apart_m = np.linalg.norm(clip.place_m[1] - clip.place_m[0])
-    assert apart_m == pytest.approx(simulation.scene.catheter.outer_diameter_m + 1e-3, abs=20e-6)
+    touching_m = simulation.scene.catheter.outer_diameter_m + simulation.scene.duct.thickness_m
+    assert touching_m - 5e-6 < apart_m < touching_m + 0.15e-3  # flat facets of 3 mm touch a little beside the legs
 
 
 @pytest.mark.parametrize("mu", [0.08, 0.25])
@@ -91,9 +92,12 @@ def test_the_catheter_slips_at_mu_times_what_presses_both_of_its_sides(with_effe
     pull, way_m, speed_m_s = Pull(simulation, dt_s), 5e-3, 20e-3
     n = round(way_m / speed_m_s / dt_s)
     tip_m = simulation.catheter.state.position_m[-1, 0]
-    pulled_n = np.array([pull.to(way_m * tick / n) for tick in range(n + 1)])
-    assert pulled_n[-n // 4 :].mean() == pytest.approx(limit_n, rel=0.04)
-    assert pulled_n.max() < 1.1 * limit_n
+    clip, pulled_n, pressed_n = simulation.effects["clip"].state, [], []
+    for tick in range(n + 1):
+        pulled_n.append(pull.to(way_m * tick / n))
+        pressed_n.append(clip.pressing_n)
+    assert max(pulled_n) == pytest.approx(limit_n, rel=0.04)
+    assert max(pulled_n) == pytest.approx(2.0 * mu * np.mean(pressed_n), rel=0.02)
     assert simulation.catheter.state.position_m[-1, 0] - tip_m > 1e-3
 
 
@@ -117,7 +121,7 @@ def test_without_friction_it_presses_and_does_not_hold(with_effects, small_duct)
     simulation = clipped(with_effects, small_duct, mu=0.0)
     pull = Pull(simulation, 1e-3)
     pulled_n = [pull.to(20e-6 * tick) for tick in range(200)]
-    assert simulation.effects["clip"].state.pressing_n > 0.5
+    assert simulation.effects["clip"].state.pressing_n > 0.2
     assert max(pulled_n) < 0.05
 
 
@@ -166,8 +170,9 @@ def test_it_closes_by_jaws_only_when_these_squeeze_as_hard_as_it_will(with_effec
     assert clip.pull_n == clip.pressing_n == 0.0
     tools = ToolInputs()
     tools.present[1] = False
+    tools.roll_rad[0] = 0.5 * np.pi  # jaws that open across the duct
     squeezed_n = 0.0
-    # The first port is above the mouth's side of the duct: jaws come down over it at the clip, open, and close.
+    # The first port is above the duct: jaws come down over it at the clip, open, and close.
     at_m = np.array([34e-3, 0.0, 10e-3])
     tools.jaw_angle_rad[0] = 1.1
     for tick in range(1500):
@@ -181,7 +186,7 @@ def test_it_closes_by_jaws_only_when_these_squeeze_as_hard_as_it_will(with_effec
     tools.present[:] = False
     for _ in range(300):
         simulation.step(tools)
-    assert clip.pressing_n > 0.3
+    assert clip.pressing_n > 0.2
 
 
 @pytest.mark.parametrize(
