@@ -22,6 +22,8 @@ GRIP_BEHIND_TIP_M = 26e-3
 ABOVE_M = 12e-3
 SHORT_OF_MOUTH_M = 1e-3
 INSERTED_M = 20e-3
+THROUGH_CUT_M = 13e-3
+"""So far is the catheter pushed through a cut: farther, and the jaws meet the wall before it."""
 STEADY_BEYOND_MOUTH_M = 12e-3
 JAW_REACH_M = 10e-3, 12e-3
 """Beyond the junction, where the two tools hold: the catheter, the duct at least."""
@@ -138,7 +140,8 @@ def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:
     taken = np.array(catheter.tip_position_m) - GRIP_BEHIND_TIP_M * along
     aimed = mouth.centre_m - (GRIP_BEHIND_TIP_M + SHORT_OF_MOUTH_M) * mouth.inward
     begun = aimed + (SHORT_OF_MOUTH_M + 1e-3) * mouth.inward
-    pushed = begun + (INSERTED_M + 0.5e-3) * mouth.inward
+    inserted_m = INSERTED_M if catheter.opening != INCISION else THROUGH_CUT_M
+    pushed = begun + (inserted_m + 0.5e-3) * mouth.inward
     above = taken + ABOVE_M * _towards_port(forceps, taken)
     points = (above, taken, taken, aimed, begun, pushed)
     return ToolMotion(
