@@ -33,7 +33,7 @@ from trocar.services.mechanics.contact.rows import NO_STONE
 from trocar.services.mechanics.contact.state import ContactState, state_at
 from trocar.services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_duct, put_on_rod
 
-PULL, _PAD = number_of("pull"), number_of("unilateral")
+_PULL, _PAD = number_of("pull"), number_of("unilateral")
 N_LEGS = 2
 _FIRST_NUMBER = (1 << 30) + 1
 """Identities are those of holds, beyond the numbers of any; odd ones have the wall as their target."""
@@ -80,14 +80,14 @@ def append_clip(state_address: Address[ContactState], clip_address: Address[Clip
         clip.pull_n = 0.0
         return
     for leg in range(N_LEGS):
-        clip.row[leg] = _append_leg(state, clip, leg, segment, s, _PAD)
-        pull = _append_leg(state, clip, leg, segment, s, PULL)
-        if pull != NO_ROOM:
-            state.rows.force_limit_n[pull] = clip.pull_n
+        clip.row[leg] = _append_leg(state, clip, (leg, False), segment, s)
+        spring = _append_leg(state, clip, (leg, True), segment, s)
+        if spring != NO_ROOM:
+            state.rows.force_limit_n[spring] = clip.pull_n
             put_row(
                 state.rows.slip_m,
-                pull,
-                along(vector(state.rows.slip_m, pull), vector(clip.towards, leg), _FAR_M),
+                spring,
+                along(vector(state.rows.slip_m, spring), vector(clip.towards, leg), _FAR_M),
             )
 
 
@@ -110,11 +110,15 @@ def _passage(clip: Clip, position: FloatArray) -> tuple[int, float]:
 
 
 @kernel
-def _append_leg(state: ContactState, clip: Clip, leg: int, segment: int, s: float, law: int) -> int:
-    """Append a row between the catheter and the wall under a leg, and return its index or `NO_ROOM`."""
+def _append_leg(state: ContactState, clip: Clip, which: tuple[int, bool], segment: int, s: float) -> int:
+    """Append a row between the catheter and the wall under a leg, and return its index or `NO_ROOM`.
+
+    ``which`` is (leg, whether it is its pull, not its pad).
+    """
     rows, rod, wall = state.rows, state.geometry.rod, state.geometry.wall
-    is_pull = 1 if law == PULL else 0
-    row = append_row(rows, law, hold_identity(_FIRST_NUMBER + 2 * (leg + N_LEGS * is_pull)))
+    leg, is_pull = which
+    number = _FIRST_NUMBER + 2 * (leg + (N_LEGS if is_pull else 0))
+    row = append_row(rows, _PULL if is_pull else _PAD, hold_identity(number))
     if row == NO_ROOM:
         return row
     put_row(rows.frame[row], 0, vector(clip.towards, leg))
@@ -125,7 +129,7 @@ def _append_leg(state: ContactState, clip: Clip, leg: int, segment: int, s: floa
     normal = vector(clip.towards, leg)
     put_row(rows.point_m, row, along(centre, normal, -rod.radius[segment]))
     put_row(rows.slip_m, row, between(vector(rod.motion, segment), vector(rod.motion, segment + 1), s))
-    if law == _PAD:
+    if not is_pull:
         clearance = subtract(vector(rows.point_m, row), vector(clip.rest_m, leg))
         rows.gap_m[row] = dot(normal, clearance) - wall.half_thickness
     return row
@@ -162,7 +166,7 @@ def _common_n(state: ContactState, clip: Clip, of_tools: bool) -> float:
         on_wall = rows.duct_weight[row, 0] != 0.0 or rows.duct_weight[row, 1] != 0.0 or rows.duct_weight[row, 2] != 0.0
         if is_tool and not on_wall:  # a squeezed wall's row moves no node
             on_wall = rows.identity[row] > 0 and part_of(rows.identity[row], TARGET_KIND) == DUCT_TRIANGLE
-        if is_tool != of_tools or not on_wall or rows.stone[row] != NO_STONE or rows.law[row] == PULL:
+        if is_tool != of_tools or not on_wall or rows.stone[row] != NO_STONE:
             continue
         if squared_distance(vector(rows.point_m, row), middle) < clip.reach_m * clip.reach_m:
             total += normal_n

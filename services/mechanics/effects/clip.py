@@ -10,6 +10,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.contact.clip_rows import N_LEGS, Clip, append_clip, follow_clip
+from trocar.services.mechanics.contact.system import STRATEGIES
 from trocar.services.mechanics.effects.base import Effect, require_positive
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.wall_bar import WallBar
@@ -65,7 +66,7 @@ class ClipEffect(Effect):
 
     def __init__(self, settings: ClipSettings, scene: SceneModel) -> None:
         super().__init__(settings, scene)
-        if scene.contact.model != "implicit":
+        if STRATEGIES[scene.contact.model].acts_in_next_step:
             raise ValueError("effects.clip: needs contact.model implicit, a penalty knows no constant force of a clip")
         self._state: Clip | None = None
         self._flattened_m2 = math.nan
