@@ -27,7 +27,7 @@ class Trace:
         self.names: list[str] = []
         self.has_force = True
 
-    def take(self, s: Situation, p: Procedure) -> None:
+    def take_situation(self, s: Situation, p: Procedure) -> None:
         """Add a situation that the procedure has taken."""
         self._rows.extend((p.time_s, _PHASE_NUMBERS[p.phase], s.inserted_m, *s.tip_m, *s.tissue_n))
         loads = [hand.load_n for hand in s.hands[:HANDS]]

@@ -34,7 +34,7 @@ class Scores:
         """Return the last score of a trainee that is known."""
         return self._totals.get(trainee)
 
-    def ask(self) -> None:
+    def ask_store(self) -> None:
         """Ask at once, as the class has changed."""
         self._due.set()
 

@@ -92,7 +92,7 @@ class Bench:
     def _say(self, sentence: str) -> None:
         self.remark = sentence
 
-    def take(self, found: Assessment, recording: Path | None) -> None:
+    def take_assessment(self, found: Assessment, recording: Path | None) -> None:
         """Keep an attempt that has ended, under who trains; what is abandoned or cut off is not kept."""
         if found.outcome not in ("success", "failure") or not (self.trainee or self._keeps_guests):
             return

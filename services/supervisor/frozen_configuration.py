@@ -20,6 +20,7 @@ from trocar.services.runtime.config.rig import Rig, Transport
 from trocar.services.runtime.private_directory import make_private
 from trocar.services.runtime.process.process import Process
 
+#: The files, of a few kB, are read whole each time; who has saved one is told before he looks for its effect.
 _LOOK_S = 1.0
 
 

@@ -44,8 +44,9 @@ from trocar.services.supervisor.page.page import Page
 from trocar.services.supervisor.page.page_link import PageSetup
 from trocar.services.supervisor.page.school import School
 
+#: A turn without events: five in the time within which a lost process is noticed (`crew._NOTICE_S`).
 _TURN_S = 0.02
-#: Most open files of a process; the supervisor of a running rig had 98.
+#: Most open files of a process: the supervisor of a running rig was measured to have 98.
 _FILES = 256
 STAGES = ("judge", "report", "page")
 

@@ -126,7 +126,7 @@ by_value("E14", "counter-traction", "traction", 0.01, 1.5, duct_squeeze=[(0.0, 1
 def judged(changes: dict[str, Channel], seconds: float = 16.0) -> tuple[Judge, list[ErrorEvent]]:
     judge = Judge(SCENARIO, SITE)
     for topic, time_ns, body in messages(changed(changes), seconds):
-        judge.take(topic, time_ns, body)
+        judge.take_frame(topic, time_ns, body)
     return judge, judge.log.events
 
 

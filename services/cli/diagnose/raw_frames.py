@@ -14,7 +14,7 @@ from trocar.protocol.frame import Header
 from trocar.protocol.topics import TOPICS
 from trocar.protocol.upgrades import body_type
 
-_LONG = 12
+_LONG = 12  # numbers that still fit a line of a terminal; the longest array of fixed size has 9, for a rotation
 
 
 def unpack(data: bytes) -> dict[str, Any]:

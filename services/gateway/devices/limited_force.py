@@ -14,9 +14,9 @@ from trocar.services.runtime.config.rig import Vector3
 
 #: A device that got no force for longer may have let go, so the next begins at none.
 FORGOTTEN_NS = 5_000_000
-SPARE_S = 0.5 * TICK_S
+SPARE_S = 0.5 * TICK_S  # half a tick early, half a tick late: more is another tick
 NO_FORCE: Vector3 = (0.0, 0.0, 0.0)
-_EXACT_N = 1e-9
+_EXACT_N = 1e-9  # far beyond the rounding of newtons, far below what a motor resolves
 
 
 class LimitedForce:

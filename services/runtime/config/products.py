@@ -85,12 +85,12 @@ def take_products(data: dict[str, Any], where: str, origins: config.Origins) -> 
     catheter = data.get("catheter")
     if not isinstance(catheter, dict):
         return
-    _take(catheter, "catheter", "catheter", where, origins)
+    _take_part(catheter, "catheter", "catheter", where, origins)
     if isinstance(catheter.get("guide_wire"), dict):
-        _take(catheter["guide_wire"], "guide_wire", "catheter.guide_wire", where, origins)
+        _take_part(catheter["guide_wire"], "guide_wire", "catheter.guide_wire", where, origins)
 
 
-def _take(part: dict[str, Any], kind: str, path: str, where: str, origins: config.Origins) -> None:
+def _take_part(part: dict[str, Any], kind: str, path: str, where: str, origins: config.Origins) -> None:
     name = part.get("product")
     if not isinstance(name, str):
         return

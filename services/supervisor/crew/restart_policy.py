@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 
-MINUTE_S = 60.0
+MINUTE_S = 60.0  # the span for which the rig file counts restarts
+#: Delay of a restart of a helper (fork server, page, school), without which a rig goes on, and most of them in a
+#: minute: one that fails at its start takes a fault that lasts for ten seconds, and then no more of the processor than
+#: once a minute.
+_HELPER_BACKOFF_S, _HELPER_RETRIES = (2.0,), 5
 
 
 class RestartPolicy:
@@ -15,7 +19,7 @@ class RestartPolicy:
         max_per_minute: Restarts within a minute after which the process is given up.
     """
 
-    def __init__(self, backoff_s: tuple[float, ...], max_per_minute: int) -> None:
+    def __init__(self, backoff_s: tuple[float, ...] = _HELPER_BACKOFF_S, max_per_minute: int = _HELPER_RETRIES) -> None:
         self._backoff_s = backoff_s or (0.0,)
         self._max = max_per_minute
         self._times_s: deque[float] = deque()

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import trocar.protocol.bodies as bodies
 
+#: A line of a second tells all its stalls; a person reads no faster, and the next second's stalls are another line.
 _SAY_EVERY_S = 1.0
 
 

@@ -126,7 +126,7 @@ def _run(page_data: PageData, setup: PageSetup, link: Link, sock: socket.socket)
         rig=page_data.rig,
         scene=setup.scene,
         registries={level: registry(page_data.source, level) for level in get_args(Level)},
-        ask=lambda command: control.ask(page_data.rig.transport, command),
+        ask=lambda command: control.ask_rig(page_data.rig.transport, command),
         replays=lambda: page_data.status is not None and page_data.status.replay is not None,
         switches=setup.switches,
         healthy=page_data.healthy,

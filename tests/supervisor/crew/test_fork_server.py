@@ -164,7 +164,7 @@ def _turned(server: ForkServer, until: Callable[[], object]) -> list[str]:
     told: list[str] = []
 
     def turn() -> object:
-        told.extend(server.turn())
+        told.extend(server.tend_server())
         return until()
 
     _until(turn)
@@ -214,7 +214,7 @@ def test_a_server_that_is_lost_again_and_again_is_left_alone_for_a_minute(soon_a
         os.kill(server.pid, signal.SIGKILL)
         told += _turned(server, lambda: server.pid == 0)
         time.sleep(0.1)
-        assert server.turn() == []
+        assert server.tend_server() == []
         assert server.pid == 0
         assert [each.rpartition(": ")[2] for each in told] == [
             "a new one is started", "for a minute processes import for themselves",
@@ -229,7 +229,7 @@ def test_a_delay_of_our_own_is_no_silence_of_the_server(soon_again: pytest.Monke
         os.kill(server.pid, signal.SIGSTOP)
         assert _turned(server, lambda: server._silence.awaits) == []
         time.sleep(0.6)
-        assert server.turn() == [], "it may have been held up with us"
+        assert server.tend_server() == [], "it may have been held up with us"
         os.kill(server.pid, signal.SIGCONT)
         assert _turned(server, lambda: not server._silence.awaits) == []
 

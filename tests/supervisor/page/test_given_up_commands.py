@@ -22,7 +22,7 @@ from trocar.services.runtime.errors import BusError
 from trocar.services.supervisor.control.commands import Command
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control_module
-from trocar.services.supervisor.page.command_socket import CommandSocket, ask
+from trocar.services.supervisor.page.command_socket import CommandSocket, ask_rig
 from trocar.services.supervisor.page.page_link import Link
 
 #: More than a supervisor needs between a command and the last moment for its answer.
@@ -45,7 +45,7 @@ def control(bench: Bench) -> Iterator[CommandSocket]:
 
 def _asked(bench: Bench, what: str) -> Callable[[], bodies.Answer]:
     command = Command(what=what, who="a test")  # type: ignore[arg-type]
-    return lambda: ask(bench.supervisor.rig.transport, command, patience_s=GIVES_UP_S)
+    return lambda: ask_rig(bench.supervisor.rig.transport, command, patience_s=GIVES_UP_S)
 
 
 @pytest.mark.parametrize("what", ["arm", "safe_stop"])
