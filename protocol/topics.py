@@ -43,7 +43,7 @@ TICK_S = 1e-3
 """A tick: the period of the loops, and of the state topics: 1 kHz, as Basdogan et al. (2001) and vendors' loops have.
 """
 TICK_NS = round(1e9 * TICK_S)
-TICK_HZ = 1.0 / TICK_S
+TICK_HZ = float(round(1.0 / TICK_S))
 HEALTH_S = 0.1
 """Period of all that processes say of themselves: a report takes up to 0.4 ms, so a process spends 0.4 % on them."""
 HEARTBEAT_S = 5 * HEALTH_S

@@ -68,7 +68,7 @@ def main(descriptor: int) -> int:
     sock.bind(str(path))
     path.chmod(0o600)
     sock.listen(16)
-    listener = Listener(rig, bench.terms(), bench.take)
+    listener = Listener(rig, bench.terms(), bench.take_assessment)
     settings = Settings(ConfigurationFiles(), Host(rig, setup.asked, setup.scene, folder_of(None)))
     config = uvicorn.Config(
         build_app(bench, settings), log_level="warning", access_log=False, lifespan="off", ws="none"

@@ -31,8 +31,8 @@ from trocar.services.scenes import load_duct, load_scene
 
 #: How long a turn waits for a frame: longer than the period of sampled topics.
 _PATIENCE_NS = 4_000_000
-#: Above this rate a topic is sampled: no viewer draws more pictures a second. The loops' topics have 1 kHz, others up
-#: to 60 Hz.
+#: Above this rate a topic is sampled, as no viewer draws more pictures a second. The loops' topics have 1 kHz, others
+#: up to 60 Hz.
 _FAST_HZ = 100.0
 #: How long the rig may be silent at first: ten heartbeats, as one that only begins to run is silent for some seconds.
 _SILENT_S = 10 * HEARTBEAT_S
