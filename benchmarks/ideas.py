@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ("services", "protocol")
+FOLDERS = ("services", "protocol", "review")
 #: Words by which a comment gives a reason, not only a name: a proxy, which a person may judge otherwise.
 _REASON = re.compile(
     r"\b(because|since|so that|as|otherwise|else|or|for|than|without|until|measured|took|takes|seen|needs?|twice|half"

@@ -30,11 +30,12 @@ VERSION = "1"
 """Of what is measured: it changes where the same recording would be judged otherwise."""
 #: Physics is recorded at 25 Hz at least; with longer gaps something may have happened unseen.
 _LARGEST_GAP_S = 0.5
-_LONGEST_S = 86_400.0
+_LONGEST_S = 86_400.0  # a day: no attempt lasts as long, so that its times are no times
 _LATE = ("degraded", "safe_stop")
-#: A recording begins some moments before the first word of `training.attempt`: they are no attempt.
+#: A recording begins some moments before the first word of `training.attempt`, ten a second: they are no attempt. Five
+#: seconds are an assumption.
 _HEAD_S = 5.0
-#: For so long an attempt may have gone on before it is told of.
+#: For so long an attempt may have gone on before it is told of: twice as long as its last report counts as fresh.
 _BEFORE_NS = 2_000_000_000
 
 

@@ -1,4 +1,4 @@
-"""What the supervisor says of a late rig, each thing once: sentences that differ only in numbers are one."""
+"""Keeps the supervisor's sentences about a late rig, each once: sentences that differ only in numbers are one."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from trocar.review.attempts.store.attempts import Store
 from trocar.review.classroom.roll import Roll
 from trocar.services.runtime.errors import UserError
 
-EVERY_S = 30.0
+EVERY_S = 30.0  # an attempt takes minutes; the database is elsewhere, and every desk asks it
 
 
 class Scores:

@@ -27,8 +27,8 @@ from trocar.services.supervisor.page.page_link import Link, PageSetup
 from trocar.services.supervisor.page.school import socket_path
 from trocar.services.training.site import Site, find_site
 
-_LOOK_S = 0.2
-_NICE = 5
+_LOOK_S = 0.2  # a rig that ends waits for it up to five seconds
+_NICE = 5  # as the window's: after the rig, but not after everything else on the machine
 _log = logging.getLogger("school")
 
 

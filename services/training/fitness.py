@@ -1,4 +1,4 @@
-"""Whether the machine is good enough for an attempt that counts, in one sentence with what to do if it is not.
+"""Tells whether the machine is good enough for an attempt that counts, in one sentence with what to do if it is not.
 
 With a force-feedback arm the rig must keep its contracts. Without one nobody feels a late tick: the rig's time is
 simulated and loses none, and what is left to ask for is a picture that hands can be steered by.

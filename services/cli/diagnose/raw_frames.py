@@ -55,7 +55,7 @@ def _item(field: Field, value: Any) -> Any:
 
 
 def _is_array(value: Any) -> bool:
-    """Whether `value` has the shape of ``[dtype, shape, bin]``: what a stranger sends is shown as it came."""
+    """Return whether `value` has the shape of ``[dtype, shape, bin]``; anything else is shown as it came."""
     if not isinstance(value, list) or [type(item) for item in value] != [str, list, bytes]:
         return False
     return all(isinstance(length, int) for length in value[1])
