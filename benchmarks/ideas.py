@@ -23,7 +23,7 @@ _REASON = re.compile(
     r"|times|least|most|longest|shortest|beyond|below|above|by|RFC|ISO|IEC|datasheet|Linux|kernel|firmware|et al)\b"
 )
 #: What CONTRIBUTING asks for where there is no reason: such a number is counted apart.
-_ASSUMED = re.compile(r"\bassum", re.IGNORECASE)
+_ASSUMED = re.compile(r"\bassumptions?\b", re.IGNORECASE)
 
 
 @dataclass(slots=True)

@@ -69,10 +69,10 @@ from trocar.services.mechanics.compiled.struct import Address
 LATE_PERIODS = 2.0
 #: Time over which the library's rate is measured, and the deviation up to which the nominal rate is assumed.
 _COUNT_NS, _NEARLY = 250_000_000, 0.1
-#: Frames in a row with an invalid handle after which there is nothing left to release: one may be lost while another
-#: arm of the library is opened.
+#: Frames in a row with an invalid handle after which there is nothing left to release, as one alone may be lost while
+#: another arm of the library is opened.
 _FORGOTTEN_FRAMES = 3
-#: Frames between checks of the calibration: ten a second while a person is asked to help, one while nothing is to
+#: Frames between checks of the calibration: ten a second for a person who is asked to help, one while nothing is to
 #: change it.
 _CHECK_EVERY, _RECHECK_EVERY = 100, 1000
 

@@ -62,8 +62,8 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.vectors import Vector, dot, scaled
 
-#: A model is used unchanged up to this age, and up to this share of its life: a few lost ticks of haptics are not felt,
-#: and of a life of 20 ms three quarters are left to fade in.
+#: A model is used unchanged up to this age, and up to this share of its life, so that a few lost ticks of haptics are
+#: not felt, and of a life of 20 ms three quarters are left to fade in.
 HOLD_S, HOLD_SHARE = 0.005, 0.25
 #: Share of the rest of its life in which the elastic part fades; the damping fades in the remainder, as a spring
 #: without damping would bounce.

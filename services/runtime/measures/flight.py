@@ -26,7 +26,7 @@ MAGIC = b"TROCARF1"
 COLUMNS = ("tick", "due_ns", "began_ns", "ended_ns", "ran_ns")
 #: Twice as long as those who read it let pass between two looks (`LOOK_S`), so that none is missed.
 SECONDS = 2.0
-LOOK_S = 0.5 * SECONDS
+LOOK_S = 0.5 * SECONDS  # half of it
 SUFFIX = ".flight"
 #: Size of the header (magic, length of a JSON object, the object), a page of memory, and of the number of rows ever
 #: written, a cache line, as it is written every tick. The ring of rows follows.

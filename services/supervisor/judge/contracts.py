@@ -18,8 +18,7 @@ BUDGET_S, STILL_S = 60.0, 5.0
 _SPENT_RATE = BUDGET_S / STILL_S
 #: Burn rate of the budget that counts as a breakdown, over a second and still, by the last two reports. At fifty
 #: times the allowed rate a minute's budget lasts for 1.2 s.
-BREAKDOWN_RATE = 50.0
-_BREAKDOWN_S, _BREAKDOWN_STILL_S = 1.0, 2 * HEALTH_S
+BREAKDOWN_RATE, _BREAKDOWN_S, _BREAKDOWN_STILL_S = 50.0, 1.0, 2 * HEALTH_S
 #: The 99th percentile of fewer samples is nothing else than the longest.
 _SAMPLES = 100
 
