@@ -14,10 +14,14 @@ import gc
 import hashlib
 import os
 import shutil
+import sys
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -83,10 +87,21 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    """Take away the garbage of a file. What is left, as its kernels, lives to the end and is looked through no more."""
+    """Take away the garbage of a file. What is left, as its kernels, lives to the end and is looked through no more.
+
+    What garbage says, as that it was never closed, fails the next test that is run: so it names the file.
+    """
     if nextitem is not None and nextitem.path != item.path:
-        gc.collect()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "unraisablehook", partial(_tell_of_garbage, sys.unraisablehook, item.path.name))
+            gc.collect()
         gc.freeze()
+
+
+def _tell_of_garbage(tell: Callable[[Any], object], file: str, told: Any) -> None:
+    """Tell who has left garbage that complains."""
+    said = {name: getattr(told, name) for name in ("exc_type", "exc_value", "exc_traceback", "object")}
+    tell(SimpleNamespace(**said, err_msg=f"{file} left this behind, {told.err_msg or 'an exception in'}"))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

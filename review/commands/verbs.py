@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from trocar.services.cli.options import Json
+from trocar.services.cli.options import Json, Overrides, Rig, Scene
 from trocar.services.cli.plain_help import PlainTyper
 from trocar.services.runtime.errors import ConfigError
 
@@ -49,7 +49,7 @@ attempts_app = PlainTyper(no_args_is_help=True, help="What was kept of trainees:
 
 def add_to(app: typer.Typer) -> None:
     """Add the verbs to the command: the entry point ``trocar.verbs`` of `pyproject.toml`."""
-    for verb in (classroom, export, score, report):
+    for verb in (classroom, export, score, report, settings):
         app.command()(verb)
     app.add_typer(attempts_app, name="attempts")
 
@@ -92,6 +92,18 @@ def export(
         raise ConfigError(f"--to {to}: takes one recording at a time, and {len(files)} are named")
     else:
         run_export(files[0], to, out, topics or (), view)
+
+
+def settings(
+    rig: Rig = "default",
+    scene: Scene = None,
+    overrides: Overrides = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0: a free one.")] = 8070,
+) -> None:
+    """Edit files of rigs, scenes and devices on a page, checked before they are saved, also where no rig starts."""
+    from trocar.review.settings.page import serve
+
+    serve(rig, scene or "default", overrides or (), port)
 
 
 def score(

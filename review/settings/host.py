@@ -17,17 +17,26 @@ _TAIL_BYTES = 64 << 10  # some five hundred lines, as long as a person scrolls b
 
 
 class Host:
-    """A running rig's host.
+    """A rig's host.
 
     Args:
-        rig: The rig as it runs.
-        asked: Name or file of the rig, and all overrides that it was started with.
+        rig: The rig; None if its file has an error.
+        asked: Name or file of the rig, and all overrides that it was or would be started with.
         scene: Its scene.
         replays: Folder of the replays that pages have kept.
+        is_running: Whether the rig runs, and can be started anew from its page.
     """
 
-    def __init__(self, rig: Rig, asked: tuple[str, Sequence[str]], scene: str, replays: Path | None = None) -> None:
-        self._rig, self._scene, self._replays = rig, scene, replays
+    def __init__(
+        self,
+        rig: Rig | None,
+        asked: tuple[str, Sequence[str]],
+        scene: str,
+        replays: Path | None = None,
+        *,
+        is_running: bool = True,
+    ) -> None:
+        self._rig, self._scene, self._replays, self._is_running = rig, scene, replays, is_running
         self._name, self._overrides = asked[0], list(asked[1])
 
     def told(self) -> dict[str, Any]:
@@ -35,29 +44,44 @@ class Host:
         arms = [
             {"name": each.name, "driver": each.arm.driver, "device": each.arm.device or "",
              "grasp": each.grasp.driver if each.grasp is not None else ""}
-            for each in self._rig.gateway.instruments
+            for each in (self._rig.gateway.instruments if self._rig is not None else ())
         ]  # fmt: skip
-        return {"rig": self._name, "scene": self._scene, "overrides": self._overrides, "instruments": arms}
+        return {
+            "rig": self._name, "scene": self._scene, "overrides": self._overrides, "instruments": arms,
+            "is_running": self._is_running,
+        }  # fmt: skip
 
     def logs(self) -> list[dict[str, Any]]:
-        """Return the processes' log files, by name."""
-        folder = run_directory(self._rig.transport) / "log"
+        """Return the processes' log files, by name; a rig that ran before has left them. Raises UserError as `disk`."""
+        folder = self._log_directory()
         return [_size(path) for path in sorted(folder.glob("*.log")) if path.is_file()]
 
     def log(self, name: str) -> dict[str, Any]:
-        """Return the end of a log. Raises UserError if there is none of the name."""
+        """Return the end of a log. Raises UserError if there is none of the name, or the rig's file has an error."""
         if name not in {each["name"] for each in self.logs()}:
             raise UserError(f"there is no log {name[:64]!r}")
-        path = run_directory(self._rig.transport) / "log" / name
+        path = self._log_directory() / name
         size = path.stat().st_size
         with path.open("rb") as file:
             file.seek(max(0, size - _TAIL_BYTES))
             tail = file.read(_TAIL_BYTES)
         return {"name": name, "bytes": size, "text": tail.decode("utf-8", "replace"), "cut": size > _TAIL_BYTES}
 
+    def _sound_rig(self) -> Rig:
+        if self._rig is None:
+            raise UserError(f"the rig {self._name!r} cannot be read: see its file under Files")
+        return self._rig
+
+    def _log_directory(self) -> Path:
+        return run_directory(self._sound_rig().transport) / "log"
+
     def disk(self) -> dict[str, Any]:
-        """Return the recordings with their sizes, newest first, and the room on their disk."""
-        folder = self._rig.recorder.directory.absolute()
+        """Return the recordings with their sizes, newest first, and the room on their disk.
+
+        Raises UserError if the rig's file has an error.
+        """
+        rig = self._sound_rig()
+        folder = rig.recorder.directory.absolute()
         files = [_size(path) for path in folder.glob("*.mcap")] if folder.is_dir() else []
         there = next(each for each in (folder, *folder.parents) if each.exists())
         usage = shutil.disk_usage(there)
@@ -66,7 +90,7 @@ class Host:
             "folder": str(folder), "files": sorted(files, key=lambda each: each["at_s"], reverse=True),
             "bytes": sum(each["bytes"] for each in files), "free": usage.free, "total": usage.total,
             "replays": sum(path.stat().st_size for path in kept), "n_replays": len(kept),
-            "records": self._rig.process("recorder").enabled,
+            "records": rig.process("recorder").enabled,
         }  # fmt: skip
 
     def devices(self) -> list[dict[str, Any]]:

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import msgspec
 import pytest
-import uvicorn
 
 from tests import chromium
 from tests.chromium import Chromium
 from tests.patience import PATIENCE_S
+from tests.review.class_of_pages import served
 from tests.supervisor.made_up import Bench, rig, shown
 from tests.visualization.test_view_server import Show
 from trocar.protocol import bodies
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.web.web_certificate import Certificate, make
-from trocar.services.runtime.web.web_host import listen
 from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.supervisor.page.web import PageContext, build_app
 
@@ -55,40 +51,27 @@ def certificate(tmp_path: Path) -> Certificate:
     return make(tmp_path / "keys", ["localhost", "127.0.0.1"])
 
 
-@contextlib.contextmanager
-def _serving(context: PageContext, certificate: Certificate) -> Iterator[str]:
-    with closing(listen("127.0.0.1", 0, "nothing")) as end:
-        config = uvicorn.Config(
-            build_app(context), log_level="error", lifespan="off", ws="none", timeout_graceful_shutdown=1,
-            **certificate.server_options(),
-        )  # fmt: skip
-        server = uvicorn.Server(config)
-        serving = threading.Thread(target=server.run, args=([end],), daemon=True)
-        serving.start()
-        try:
-            yield f"https://127.0.0.1:{end.getsockname()[1]}/"
-        finally:
-            context.closing = server.should_exit = True
-            serving.join(PATIENCE_S)
-
-
 @pytest.fixture
 def browser(tmp_path: Path, certificate: Certificate) -> Iterator[Chromium]:
     made_up: Rig = rig(supervisor={"web": {"keys": certificate.file.parent}})
     bench = Bench(made_up)
     bench.run(1.0)
-    with Show(0.05, certificate) as show, Chromium(tmp_path / "profile") as browser:
+    with Show(0.05, certificate) as show:
         show.notice = '{"type": "rig", "state": "running", "reason": "", "safe_stop": false}'
         context = PageContext(
             rig=made_up, scene="test", registries={}, ask=lambda _: bodies.Answer(order=0, ok=True),
             healthy=lambda: (True, ""), view_port=lambda: show.port, latest=msgspec.json.encode(shown(bench)),
         )  # fmt: skip
-        browser.command("Security.enable")
-        browser.command("Security.setIgnoreCertificateErrors", ignore=True)
-        browser.command("Page.addScriptToEvaluateOnNewDocument", source=_NOTED)
-        with _serving(context, certificate) as address:
+        with (
+            served(build_app(context), certificate=certificate) as [address],
+            Chromium(tmp_path / "profile") as browser,  # ends first: a server waits for who is connected
+        ):
+            browser.command("Security.enable")
+            browser.command("Security.setIgnoreCertificateErrors", ignore=True)
+            browser.command("Page.addScriptToEvaluateOnNewDocument", source=_NOTED)
             browser.open(address)
             yield browser
+            context.closing = True
 
 
 def test_page_and_picture_work_under_their_policy_and_nothing_foreign_does(browser: Chromium) -> None:

@@ -41,8 +41,8 @@ _BEFORE_HEADER, _BEFORE = "X-Trocar-Before", re.compile(r"([0-9]{1,15}) ([0-9]{1
 _MOMENT = re.compile(r"([\w-]{1,128}\.mcap) ([0-9]{1,12}) ([\w-]{1,64})", re.ASCII)
 #: A host as a Content-Security-Policy can name it, which an IPv6 address is not.
 _PLAIN_HOST = re.compile(r"[a-z0-9-]+(\.[a-z0-9-]+)*")
-#: Place of the rig's data in the built page.
-_UNTOLD = '<script id="rig" type="application/json">null'
+#: Place of the rig's data in the built page, with none in it.
+UNTOLD = '<script id="rig" type="application/json">null'
 _NOT_KEPT = {"Cache-Control": "no-store"}
 _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h1>
 <p>The rig runs, but <code>services/visualization/web/dist</code> is missing. Build it once with
@@ -154,7 +154,7 @@ class _Endpoints:
             return HTMLResponse(_NOT_BUILT, 503)
         told = json.dumps(self._told(request)).replace("<", "\\u003c")  # so that no name ends the script element
         headers = {**_NOT_KEPT, "Content-Security-Policy": policy_of_files(self._picture_source(request))}
-        return HTMLResponse(text.replace(_UNTOLD, f"{_UNTOLD[: -len('null')]}{told}", 1), headers=headers)
+        return HTMLResponse(text.replace(UNTOLD, f"{UNTOLD[: -len('null')]}{told}", 1), headers=headers)
 
     async def state(self, _request: Request) -> Response:
         return Response(self._context.latest, media_type="application/json")

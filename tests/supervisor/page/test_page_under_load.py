@@ -46,7 +46,11 @@ def address(context: PageContext) -> Iterator[httpx.URL]:
 
 def _call(address: httpx.URL, text: str) -> socket.socket:
     made = socket.create_connection((address.host, address.port or 0), timeout=PATIENCE_S)
-    made.sendall(text.encode("latin-1"))
+    try:
+        made.sendall(text.encode("latin-1"))
+    except OSError:  # refused before all of it was sent
+        made.close()
+        raise
     return made
 
 

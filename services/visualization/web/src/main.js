@@ -74,7 +74,9 @@ function follow(rig) {
   hands.offer(stream.address, rig.hands ?? []);
 }
 
-new RigStream({
+const told = JSON.parse(document.getElementById("rig").textContent);
+if (told?.settings) settings.openAlone(); // no rig runs: `trocar settings` serves this page
+else new RigStream({
   onRig: (rig) => {
     const begun = `${rig.name} ${rig.scene} ${rig.scenario} ${rig.goes_on_from ?? ""}`;
     if (running && running !== begun) return location.reload(); // another scenario: nothing of the last one is kept
@@ -102,4 +104,4 @@ new RigStream({
     dashboard.link(text);
     if (!view) makeView(); // no rig answers: the page is there all the same
   },
-}, JSON.parse(document.getElementById("rig").textContent));
+}, told);

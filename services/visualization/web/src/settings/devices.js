@@ -42,7 +42,7 @@ export class Devices {
     this.walk = null;
   }
 
-  show({ instruments }) {
+  show({ instruments, is_running: runs }) {
     this.found = element("div", {});
     this.list = element("ol", { className: "steps" });
     this.read = element("p", { className: "figure", role: "status" });
@@ -51,10 +51,12 @@ export class Devices {
     const rows = instruments.map(({ name, driver, device, grasp }) => element("tr", {}, ...[t(name), driver, device || "–", grasp || "–"].map((words) => element("td", { textContent: words }))));
     const head = element("tr", {}, ...["Hand", "Driver", "Device file", "Handle"].map((words) => element("th", { textContent: t(words) })));
     const ask = element("button", { id: "devices-check", className: "action", textContent: t("Ask this host"), onclick: () => this.check(ask) });
+    const host = element("section", {}, element("h2", { textContent: t("Instruments of this rig") }), element("div", { className: "scroll", tabIndex: 0 }, element("table", { className: "plain" }, element("thead", {}, head), element("tbody", {}, ...rows))), element("div", { className: "controls" }, ask), this.found);
+    if (!runs) return [host];
     const again = element("button", { id: "felt-begin", textContent: t("Begin the test"), onclick: () => this.begin() });
     this.begin();
     return [
-      element("section", {}, element("h2", { textContent: t("Instruments of this rig") }), element("div", { className: "scroll", tabIndex: 0 }, element("table", { className: "plain" }, element("thead", {}, head), element("tbody", {}, ...rows))), element("div", { className: "controls" }, ask), this.found),
+      host,
       element("section", {}, element("h2", { textContent: t("Felt test") }), element("p", { className: "small", textContent: t("One hand at the arm, the other at Safe stop (Escape). Each step is ticked when it is seen.") }), this.list, this.read, element("div", { className: "controls" }, again)),
       element("section", {}, element("h2", { textContent: t("What the rig says of its devices") }), this.events),
     ];

@@ -29,7 +29,7 @@ export class Files {
     const buttons = [
       this.button("file-save", "Save", () => this.save(this.name.value, this.file.mark), "action go"),
       this.other, this.button("file-as", "Save as", () => this.saveAs()),
-      element("span", { className: "grow" }), this.button("file-start", "Start the rig anew", () => this.start()),
+      element("span", { className: "grow" }), running.is_running ? this.button("file-start", "Start the rig anew", () => this.start()) : "",
     ];
     await this.list(true);
     return [
@@ -51,7 +51,8 @@ export class Files {
 
   startedWith() {
     const { rig, scene, overrides } = this.runs, set = overrides.length ? t(" Set at the start, and stronger than the files: {set}.", { set: overrides.join(", ") }) : "";
-    return element("p", { className: "small", textContent: t("This rig runs by the rig file “{rig}” with the scene “{scene}”.", { rig, scene }) + set });
+    const words = this.runs.is_running ? t("This rig runs by the rig file “{rig}” with the scene “{scene}”.", { rig, scene }) : t("No rig runs here. `trocar up` starts one.");
+    return element("p", { className: "small", textContent: words + set });
   }
 
   async guard(act) {
@@ -69,7 +70,7 @@ export class Files {
 
   async list(first = false) {
     const running = { rig: this.runs.rig, scene: this.runs.scene }[this.kind.value], names = this.names[this.kind.value];
-    this.name.replaceChildren(...names.map((value) => element("option", { value, textContent: value === running ? t("{name} (runs)", { name: value }) : value, selected: value === running })));
+    this.name.replaceChildren(...names.map((value) => element("option", { value, textContent: value === running && this.runs.is_running ? t("{name} (runs)", { name: value }) : value, selected: value === running })));
     if (!names.length) throw new Error(t("There is none."));
     if (first) return void this.guard(() => this.read());
     await this.read();

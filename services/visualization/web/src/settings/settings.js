@@ -23,6 +23,13 @@ export class SettingsPage {
     $("settings-open").hidden = !token;
   }
 
+  // Shows the settings where no rig runs, and nothing else of the page.
+  openAlone() {
+    document.body.classList.add("alone", "settings-only");
+    document.title = `Trocar · ${t("Settings")}`;
+    this.open("files");
+  }
+
   // The rig's state, five times a second.
   update(state) {
     if (this.before !== undefined && state.incarnation !== this.before) location.reload(); // it has begun anew
