@@ -266,7 +266,7 @@ def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It armed the rig after `trocar arm` had failed with exit code 3."""
-    monkeypatch.setattr(silence, "_STOPPED_S", PATIENCE_S)
+    monkeypatch.setattr(silence, "HEARTBEAT_S", PATIENCE_S)
 
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)

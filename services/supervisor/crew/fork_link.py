@@ -23,7 +23,7 @@ import msgspec
 from trocar.services.runtime.private_directory import open_private
 from trocar.services.supervisor.crew.fork_server import ALIVE, GO, ForkOrder
 from trocar.services.supervisor.crew.processes import ENVIRONMENT
-from trocar.services.supervisor.crew.restart_policy import MINUTE_S, RestartPolicy
+from trocar.services.supervisor.crew.restart_policy import MINUTE_S, helper_restarts
 from trocar.services.supervisor.crew.silence import Silence
 
 #: Timeouts of its imports, of a fork, and of a sign of life: the imports take 4 s on two quiet cores (measured), the
@@ -59,7 +59,7 @@ class ForkServer:
         """Start the server, if there is none."""
         self._is_wanted = True
         if self._server is None:
-            self._starts, self._restarts = 0, RestartPolicy()
+            self._starts, self._restarts = 0, helper_restarts()
             self._start()
 
     def _start(self) -> None:

@@ -8,7 +8,7 @@ MINUTE_S = 60.0  # the span for which the rig file counts restarts
 #: Delay of a restart of a helper (fork server, page, school), without which a rig goes on, and most of them in a
 #: minute: one that fails at its start takes a fault that lasts for ten seconds, and then no more of the processor than
 #: once a minute.
-_HELPER_BACKOFF_S, _HELPER_RETRIES = (2.0,), 5
+HELPER_BACKOFF_S, HELPER_RETRIES = (2.0,), 5
 
 
 class RestartPolicy:
@@ -19,7 +19,7 @@ class RestartPolicy:
         max_per_minute: Restarts within a minute after which the process is given up.
     """
 
-    def __init__(self, backoff_s: tuple[float, ...] = _HELPER_BACKOFF_S, max_per_minute: int = _HELPER_RETRIES) -> None:
+    def __init__(self, backoff_s: tuple[float, ...], max_per_minute: int) -> None:
         self._backoff_s = backoff_s or (0.0,)
         self._max = max_per_minute
         self._times_s: deque[float] = deque()
@@ -39,3 +39,8 @@ class RestartPolicy:
     def forgive(self) -> None:
         """Reset the count, as a person has armed the rig."""
         self._times_s.clear()
+
+
+def helper_restarts() -> RestartPolicy:
+    """Return the policy for a helper of the supervisor."""
+    return RestartPolicy(HELPER_BACKOFF_S, HELPER_RETRIES)

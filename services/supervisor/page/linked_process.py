@@ -10,7 +10,7 @@ import msgspec
 from trocar.services.supervisor.crew.crew import END_S
 from trocar.services.supervisor.crew.launcher import Child
 from trocar.services.supervisor.crew.processes import ProcessSpec
-from trocar.services.supervisor.crew.restart_policy import MINUTE_S, RestartPolicy
+from trocar.services.supervisor.crew.restart_policy import MINUTE_S, helper_restarts
 from trocar.services.supervisor.page.page_link import Link
 
 
@@ -33,7 +33,7 @@ class LinkedProcess:
         self.link: Link | None = None
         self.due_s = 0.0
         self._spec = spec
-        self._restarts = RestartPolicy()
+        self._restarts = helper_restarts()
 
     def start(self, setup: msgspec.Struct, descriptors: Sequence[int] = ()) -> Child:
         """Start it; its arguments are the link's descriptor and further ones, and its first message is `setup`."""
