@@ -75,7 +75,7 @@ class ChangedFiles:
         self._say = say
         self._look_s = 0.0
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Check the files, if due."""
         if now_s < self._look_s:
             return

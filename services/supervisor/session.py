@@ -241,7 +241,7 @@ def _watch(
         process.health.send_if_due()
         sent_ns = time.monotonic_ns()
         for line in lines:
-            line.turn(time.monotonic())  # a stop within the turn makes commands late
+            line.run_turn(time.monotonic())  # a stop within the turn makes commands late
         ended_ns = time.monotonic_ns()
         meter.stages_ns = (judged_ns - began_ns, sent_ns - judged_ns, ended_ns - sent_ns)
         meter.finish(ended_ns)

@@ -62,7 +62,7 @@ class CommandSocket:
         for caller in self._callers:
             caller.close()
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Accept clients and process their commands."""
         with suppress(BlockingIOError):
             caller = Link(self._line.accept()[0])

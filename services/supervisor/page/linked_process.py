@@ -27,7 +27,7 @@ class LinkedProcess:
         due_s: When it may be started again.
     """
 
-    def __init__(self, spec: ProcessSpec, log_file: Path, *_given: float) -> None:
+    def __init__(self, spec: ProcessSpec, log_file: Path) -> None:
         self.log_file = log_file
         self.child: Child | None = None
         self.link: Link | None = None

@@ -51,7 +51,7 @@ class Page:
         self._socket.close()
         self._file.unlink(missing_ok=True)
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Send the status when due; restart the process if it ended or hangs."""
         link = self._process.link
         if link is None:

@@ -67,7 +67,7 @@ def turn_of(bench: Bench, control: CommandSocket, obeys: bool = True) -> Any:
         bench.run(0.01)
         if obeys:
             bench.peers["gateway"].gauges["safe_stop"] = float(bench.supervisor.body().safe_stop)
-        control.turn(bench.now_s)
+        control.run_turn(bench.now_s)
 
     return turn
 
@@ -94,7 +94,7 @@ def test_silent_callers_keep_no_command_out(bench: Bench, control: CommandSocket
         for _ in range(20):
             caller = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
             caller.connect(str(control_path(Transport(directory=folder))))
-            control.turn(bench.now_s)
+            control.run_turn(bench.now_s)
         assert trocar(folder, "arm", turn_of(bench, control)) == (0, "armed: hands may be pushed\n")
 
 
@@ -185,8 +185,8 @@ def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: CommandSocket,
             caller.send(b"\xff{" * 9)
         except OSError:
             with_room = False
-        control.turn(bench.now_s)
-        control.turn(bench.now_s)
+        control.run_turn(bench.now_s)
+        control.run_turn(bench.now_s)
         assert with_room
         caller.close()
     assert trocar(folder, "arm", turn_of(bench, control))[0] == 0
