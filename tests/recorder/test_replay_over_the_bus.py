@@ -103,7 +103,7 @@ class Processes:
             publish = process.bus.publish
             process.bus.publish = lambda topic, body, **rest: (self._keep(body), publish(topic, body, **rest))[1]
             replay = ReplayedPhysics(stepping, read_schedule(self._settings))
-            for frame in self._frames(process, "haptics.contacts", meter, stepping.settle):
+            for frame in self._frames(process, "haptics.contacts", meter, stepping.do_side_work):
                 assert replay.take(frame)
 
     def _frames(

@@ -302,7 +302,7 @@ class MadeUpJudge:
     def errors(self) -> dict[str, int]:
         return {"E1": self.taken // 3}
 
-    def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
+    def take_frame(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
         self.taken += 1
 
 
@@ -343,7 +343,7 @@ class _Judged:
     def errors(self) -> dict[str, int]:
         return {each.code: 1 for each in self.events}
 
-    def take(self, *_: object) -> None:
+    def take_frame(self, *_: object) -> None:
         """See nothing wrong."""
 
     def finish(self) -> None:
