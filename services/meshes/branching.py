@@ -16,10 +16,10 @@ from trocar.services.mechanics.reduction.cache import Entry, fetch
 from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
 from trocar.services.mechanics.surface.branched_tubes import Tube, union_distance_m
 from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.mechanics.surface.refining import refine
 from trocar.services.meshes.cached import MESH_LIBRARIES, read_entry, write_entry
 from trocar.services.meshes.errors import MeshError
 from trocar.services.meshes.openings import enclosed_volume_m3, find_openings
-from trocar.services.meshes.refining import refine
 from trocar.services.meshes.remeshing import remesh
 
 EDGE_OF_RADIUS = 0.4

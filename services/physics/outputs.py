@@ -31,6 +31,7 @@ from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from trocar.services.mechanics.compiled import inlined_kernel, kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.contact.identity import TARGET_KIND, part_of
+from trocar.services.mechanics.contact.laws import TOUCHES
 from trocar.services.mechanics.contact.rows import ContactRows, rows_at
 from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.services.mechanics.simulation import Simulation
@@ -209,7 +210,7 @@ def _count(rows: ContactRows, sent: Sent, first_hold: int, after_holds: int) -> 
         on_duct = duct_weight[row, 0] != 0.0 or duct_weight[row, 1] != 0.0 or duct_weight[row, 2] != 0.0
         of_tool = tool[row] != NO_TOOL
         if not of_tool:
-            kinds[row] = CATHETER_DUCT if on_duct else OTHER
+            kinds[row] = CATHETER_DUCT if on_duct and TOUCHES[rows.law[row]] else OTHER
             continue
         # A squeezed wall's row moves no node, so only its identity tells the body.
         is_wall = rows.identity[row] > 0 and part_of(rows.identity[row], TARGET_KIND) == DUCT_TRIANGLE

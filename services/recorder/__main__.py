@@ -98,7 +98,7 @@ class Recording:
         except UserError as error:
             self._process.log.warning("the recording does not show the scene: %s", error)
             return
-        self._writer.attach(*attachments.surface(duct))
+        self._writer.attach(*attachments.surface(duct, scene))
         self._picture.drawing = SceneDrawing(scene, duct)
         self._picture.drawing.warm_up()
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import yaml
 
 from trocar.services.mechanics.reduction import ReducedDuct
+from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.config import config
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.scenes.duct_file import duct_file
@@ -26,9 +27,9 @@ def settings(rig: Rig, scene: str, overrides: tuple[str, ...]) -> Iterator[Attac
         yield f"devices/{path.name}", YAML, path.read_bytes()
 
 
-def surface(duct: ReducedDuct) -> Attached:
-    """Return the duct's mesh and modes, from which nodes follow by the recorded coordinates."""
-    return "duct.npz", NPZ, duct_file(duct)
+def surface(duct: ReducedDuct, scene: SceneModel | None = None) -> Attached:
+    """Return the duct's mesh and modes, from which nodes follow by the recorded coordinates, and its clip's place."""
+    return "duct.npz", NPZ, duct_file(duct, scene)
 
 
 def _yaml(data: object) -> bytes:

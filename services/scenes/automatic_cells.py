@@ -10,7 +10,7 @@ from trocar.services.runtime.config import config
 from trocar.services.scenes.limits import LARGEST
 
 AUTO = "auto"
-_NO_COPIES = ("curvature_1_m", "cut_angle_rad", "slit_length_m")
+_NO_COPIES = ("curvature_1_m", "cut_angle_rad", "slit_length_m", "incision")
 """What makes the parts of a duct differ from each other, so that its residual compliance is kept between all pairs."""
 
 

@@ -12,6 +12,7 @@ from trocar.services.mechanics.effects.friction import FrictionSettings
 from trocar.services.mechanics.scenarios import PlayedScene, ToolMotion
 from trocar.services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from trocar.services.mechanics.scene.tools import N_TOOLS
+from trocar.services.mechanics.surface.incision import INCISION, gap_middle_m
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import Opening, mouth_opening
 from trocar.services.scenes.driving_hands import driving_hands
@@ -22,6 +23,8 @@ GRIP_BEHIND_TIP_M = 26e-3
 ABOVE_M = 12e-3
 SHORT_OF_MOUTH_M = 1e-3
 INSERTED_M = 20e-3
+THROUGH_CUT_M = 13e-3
+"""So far is the catheter pushed through a cut: farther, and the jaws meet the wall before it."""
 STEADY_BEYOND_MOUTH_M = 12e-3
 JAW_REACH_M = 10e-3, 12e-3
 """Beyond the junction, where the two tools hold: the catheter, the duct at least."""
@@ -65,7 +68,7 @@ def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> PlayedS
         what="one forceps steadies the duct, the other brings the catheter before the mouth and slides it in",
         duration_s=2.2,
         scene=scene,
-        motions=(_inserting_hand(scene, mouth), _steadying_hand(scene, mesh, mouth)),
+        motions=(_inserting_hand(scene, _entry(scene, mesh, mouth)), _steadying_hand(scene, mesh, mouth)),
     )
 
 
@@ -123,6 +126,14 @@ def _pressing_hand(scene: SceneModel, at: int, mesh: TriangleMesh, mouth: Openin
     )
 
 
+def _entry(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Opening:
+    """Return the opening that the catheter goes in by; into a cut it goes as it lies, in the middle of the gap."""
+    if scene.catheter.opening != INCISION:
+        return mouth
+    along = np.array(scene.catheter.direction) / float(np.linalg.norm(scene.catheter.direction))
+    return Opening(gap_middle_m(mesh), along, mouth.radius_m)
+
+
 def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:
     """Take the catheter behind its tip, bring the tip before the mouth's middle, and push along the mouth's axis."""
     forceps, catheter = scene.forceps[0], scene.catheter
@@ -130,7 +141,8 @@ def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:
     taken = np.array(catheter.tip_position_m) - GRIP_BEHIND_TIP_M * along
     aimed = mouth.centre_m - (GRIP_BEHIND_TIP_M + SHORT_OF_MOUTH_M) * mouth.inward
     begun = aimed + (SHORT_OF_MOUTH_M + 1e-3) * mouth.inward
-    pushed = begun + (INSERTED_M + 0.5e-3) * mouth.inward
+    inserted_m = INSERTED_M if catheter.opening != INCISION else THROUGH_CUT_M
+    pushed = begun + (inserted_m + 0.5e-3) * mouth.inward
     above = taken + ABOVE_M * _towards_port(forceps, taken)
     points = (above, taken, taken, aimed, begun, pushed)
     return ToolMotion(

@@ -11,7 +11,7 @@ from trocar.services.mechanics.reduction.build import Progress, ignore_progress
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import DuctScene, SceneModel
 from trocar.services.mechanics.scene.duct_tubes import duct_tubes
-from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, opened_mesh, scene_mesh
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 from trocar.services.start.start_progress import StartProgress
@@ -55,7 +55,7 @@ def load_surface(scene: SceneModel, cache: Path) -> TriangleMesh:
     """
     with _one_sentence(scene):
         mesh = _file_mesh(scene.duct, cache, ignore_progress)
-        return scene_mesh(scene.duct) if mesh is None else mesh
+        return opened_mesh(scene.duct, scene_mesh(scene.duct) if mesh is None else mesh)
 
 
 @contextmanager

@@ -147,14 +147,14 @@ class Procedure:
         if phase == "P5":
             if s.flushing:
                 return "P6"
-            if not self._gripped_later(s):
+            if not (self._gripped_later(s) or s.clipped_n > _CLIPPED_N):
                 return "P7" if not held else "P4"
         has_let_go = not held and self.unheld_s > _SETTLED_S
         return "P7" if has_let_go and not s.flushing else phase
 
     def _is_clipped(self, s: Situation) -> bool:
-        """Return whether jaws have closed round duct and catheter at the mouth since the catheter was engaged."""
-        return s.clip_n > _CLIPPED_N and self._gripped_later(s)
+        """Return whether a clip holds the catheter, or jaws have closed on it at the mouth since it was engaged."""
+        return s.clipped_n > _CLIPPED_N or (s.clip_n > _CLIPPED_N and self._gripped_later(s))
 
     def _gripped_later(self, s: Situation) -> bool:
         return any(hand.grips_duct and self._gripped_s[k] > self._engaged_s for k, hand in enumerate(s.hands))

@@ -30,6 +30,8 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
         basis_hash, rim_gain: Mean outward displacement of the rim per modal coordinate of this basis, in 1/sqrt(kg);
             empty if unknown.
         ways: Paths from the mouth to each named end, see `trocar.services.meshes.tube_paths`.
+        clip_m, clip_reach_m, clip_inward: Middle of a clip on the duct, how far from there what touches the duct is
+            under it, and the unit vector along the duct; without a clip jaws at the mouth stand for one.
     """
 
     mouth_m: Vec3
@@ -40,6 +42,9 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
     basis_hash: str = ""
     rim_gain: tuple[float, ...] = ()
     ways: dict[str, tuple[Vec3, ...]] = {}
+    clip_m: Vec3 | None = None
+    clip_reach_m: float = 0.0
+    clip_inward: Vec3 = (0.0, 0.0, 0.0)
 
     def check_branch(self, name: str) -> None:
         """Raise a ConfigError for a branch that the duct has no path to."""
@@ -48,7 +53,7 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
 
 
 _MODULE = "trocar.services.scenes.duct_file"
-_WAY = "way_"
+_WAY, _CLIP = "way_", "place_clip"
 _NEAREST, _FURTHEST = 2.0, 3.5
 """Ring of the wall from whose middle the way inward is taken, in radii of the mouth: beyond its own flare, before a
 bend."""
@@ -105,6 +110,7 @@ def read_site(attachment: bytes) -> Site:
         with np.load(io.BytesIO(attachment), allow_pickle=False) as data:
             arrays = [data[name] for name in ("vertices_m", "triangles", "modes", "basis_hash")]
             ways = {name.removeprefix(_WAY): data[name] for name in data.files if name.startswith(_WAY)}
+            clip = data[_CLIP].astype(float) if _CLIP in data.files else None
     except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"duct.npz cannot be read: {error}") from None
     vertices_m, triangles, modes, basis_hash = arrays
@@ -118,8 +124,15 @@ def read_site(attachment: bytes) -> Site:
         way.ndim == 2 and way.shape[1] == 3 and len(way) > 1 and np.isfinite(way).all() for way in ways.values()
     ):
         raise ValueError("duct.npz: a way through it is none")
+    if clip is not None and not (clip.shape == (7,) and np.isfinite(clip).all()):
+        raise ValueError("duct.npz: its clip has no place")
     site = site_of_duct(vertices_m, triangles, modes.reshape(len(vertices_m), 3, -1).astype(float), str(basis_hash))
-    return msgspec.structs.replace(site, ways={name: tuple(map(_three, way)) for name, way in ways.items()})
+    site = msgspec.structs.replace(site, ways={name: tuple(map(_three, way)) for name, way in ways.items()})
+    if clip is None:
+        return site
+    return msgspec.structs.replace(
+        site, clip_m=_three(clip[:3]), clip_reach_m=float(clip[3]), clip_inward=_three(clip[4:])
+    )
 
 
 def find_site(scene: str, overrides: Sequence[str] = ()) -> Site:

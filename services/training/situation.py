@@ -88,7 +88,8 @@ class Situation:
     """The situation at one time. Forces in N, lengths in m; None if unknown.
 
     ``tissue_n`` is, per kind of contact, the load of the more loaded side: of collinear forces the larger of the sums
-    in either direction. ``squeeze_n`` is the common load of both sides, which has no resultant.
+    in either direction. ``squeeze_n`` is the common load of both sides, which has no resultant. ``clip_n`` is that with
+    which the duct is closed on the catheter, by a clip (``clipped_n``) or by jaws in its place.
     """
 
     tick: int
@@ -102,6 +103,7 @@ class Situation:
     rim_n: float = 0.0
     rim_opening: float | None = None
     clip_n: float = 0.0
+    clipped_n: float = 0.0
     penetration_m: float = 0.0
     push_n: float = 0.0
     arc_over_chord: float = 1.0
@@ -125,6 +127,7 @@ class SituationReader:
         self._site = site
         self._mouth_m = np.array(site.mouth_m) if site else None
         self._inward = np.array(site.inward) if site else _ZERO
+        self._clip_inward = np.array(site.clip_inward) if site else _ZERO
         self._eye_m: Vector | None = None
         if site is not None and site.eye_m is not None and site.looks_at_m is not None:
             self._eye_m, self._axis = np.array(site.eye_m), np.subtract(site.looks_at_m, site.eye_m)
@@ -228,6 +231,11 @@ class SituationReader:
         radius_m = self._site.mouth_radius_m if self._site else _RIM_REACH_M
         s.rim_n = loads.net((of[0] | of[2]) & (away_m < radius_m + _RIM_REACH_M))
         s.clip_n = loads.sides(of[0] & (away_m < radius_m + _CLIP_REACH_M))[1]
+        if self._site is not None and self._site.clip_m is not None:
+            under = _distances(point, np.array(self._site.clip_m)) < self._site.clip_reach_m
+            across = Loads(force - np.outer(force @ self._clip_inward, self._clip_inward))  # a pull is no pressure
+            s.clipped_n = across.sides(of[2] & under)[1]
+            s.clip_n = max(s.clipped_n, across.sides(of[0] & under)[1])
 
     def _take_holds(self, s: Situation, state: PhysicsState, rod: _Rod, entry: Vector | None) -> None:
         if self._contacts is None:

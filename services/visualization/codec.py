@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from trocar.services.mechanics.scene.instruments import DrawnPart
+from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
 
 PROTOCOL = "trocar-view/1"
@@ -40,6 +41,16 @@ def encode_hello(layout: PictureLayout) -> str:
             },
             "catheter": {"n_points": layout.n_particles, "radius_m": layout.catheter_radius_m},
             "wire": {"n_segments": layout.n_wire_segments, "radius_m": layout.wire_radius_m},
+            "bars": [
+                {
+                    "nodes": bar.nodes,
+                    "weights": bar.weights,
+                    "along": bar.along,
+                    "outward": bar.outward,
+                    "size_m": bar.size_m,
+                }
+                for bar in layout.bars
+            ],
             "tools": [
                 {
                     "name": tool.name,
@@ -74,6 +85,7 @@ def decode_hello(text: str) -> PictureLayout:
         tools=tuple(map(_tool, hello["tools"])),
         n_wire_segments=hello["wire"]["n_segments"],
         wire_radius_m=hello["wire"]["radius_m"],
+        bars=tuple(WallBar(**{key: tuple(value) for key, value in bar.items()}) for bar in hello.get("bars", ())),
     )
 
 

@@ -13,6 +13,7 @@ import trocar.protocol.bodies as bodies
 from trocar.protocol import Frame
 from trocar.protocol.topics import observed_by
 from trocar.services.mechanics.bodies.sections import segment_radii
+from trocar.services.mechanics.effects import build_effects
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from trocar.services.runtime.bus.bus import Bus
@@ -60,6 +61,7 @@ class Composer:
             tools=(),
             n_wire_segments=scene.catheter.n_rod_segments - scene.catheter.n_segments,
             wire_radius_m=float(segment_radii(scene.catheter)[-1]),
+            bars=tuple(bar for effect in build_effects(scene).values() for bar in effect.bars(duct.mesh)),
         )
 
     def compose(self) -> Picture:

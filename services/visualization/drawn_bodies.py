@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.visualization import instruments
 from trocar.services.visualization.cast_shadow import darkened, hidden
 from trocar.services.visualization.picture import PictureLayout, ToolShape
@@ -190,6 +191,24 @@ class DrawnCatheter:
         """Update to the particles (m, 3), tip last."""
         for part, rod in self.rods:
             rod.update(centreline_m[part])
+
+
+class DrawnBar:
+    """A bar on the wall, such as a leg of a clip."""
+
+    def __init__(self, plotter: pv.Plotter, bar: WallBar, thickness_m: float) -> None:
+        length_m, width_m, high_m = bar.size_m
+        self._bar, self._above_m = bar, 0.5 * (thickness_m + high_m)
+        self._actor = _solid(plotter, pv.Cube(x_length=length_m, y_length=high_m, z_length=width_m), _STEEL)
+        along, outward = np.array(bar.along), np.array(bar.outward)
+        self._frame = np.eye(4)
+        self._frame[:3, :3] = np.column_stack([along, outward, np.cross(along, outward)])
+
+    def update(self, points_m: Float32Array) -> None:
+        """Move to where the wall's nodes (n, 3) are."""
+        under_m = np.array(self._bar.weights) @ points_m[list(self._bar.nodes)]
+        self._frame[:3, 3] = under_m + self._above_m * np.array(self._bar.outward)
+        self._actor.user_matrix = self._frame.copy()
 
 
 class Tool:

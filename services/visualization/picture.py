@@ -8,6 +8,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import Float32Array, IntArray
 from trocar.services.mechanics.scene.instruments import DrawnPart
+from trocar.services.mechanics.scene.wall_bar import WallBar
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +39,7 @@ class PictureLayout:
         triangles: (t, 3) int32. Counter-clockwise seen from outside.
         thickness_m: float. Thickness of the wall, half on each side of the mid-surface.
         mouth, clamped: tuple of int. Nodes of the free and the held rim, empty if unnamed.
+        bars: tuple of WallBar. What lies on the wall and follows it: the legs of a clip.
         n_particles: int. Number of particles of the catheter and of the protruding guide wire, the last segments.
     """
 
@@ -53,6 +55,7 @@ class PictureLayout:
     tools: tuple[ToolShape, ...]
     n_wire_segments: int = 0
     wire_radius_m: float = 0.0
+    bars: tuple[WallBar, ...] = ()
 
     def rods(self) -> list[tuple[slice, float]]:
         """Return the ranges of particles of the catheter and of its wire, if any, with their radii."""

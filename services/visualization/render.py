@@ -19,6 +19,7 @@ from vtkmodules.vtkCommonTransforms import vtkTransform
 from trocar.services.visualization import cameras
 from trocar.services.visualization.cast_shadow import Rods
 from trocar.services.visualization.drawn_bodies import (
+    DrawnBar,
     DrawnCatheter,
     DrawnDuct,
     DrawnPiece,
@@ -81,6 +82,8 @@ class Renderer:
             piece.shade(*(np.concatenate(both) for both in zip(instruments, duct, strict=True)))
         if self._catheter is not None:
             self._catheter.update(picture.centreline_m)
+        for bar in self._bars:
+            bar.update(picture.points_m)
         face_m = self._duct.outer_face_m()
         for i, (tool, arrow, ring) in enumerate(zip(self._tools, self._arrows, self._rings, strict=True)):
             pose = picture.poses[i]
@@ -143,6 +146,7 @@ class Renderer:
         self._rods = Rods(layout)
         self._duct = DrawnDuct(plotter, layout, fine=effects.fine)
         self._catheter = DrawnCatheter(plotter, layout) if layout.n_particles > 1 else None
+        self._bars = [DrawnBar(plotter, bar, layout.thickness_m) for bar in layout.bars]
         self._tools = [Tool(plotter, shape) for shape in layout.tools]
         self._arrows = [ForceArrow(plotter) for _ in layout.tools]
         self._scenery = [DrawnPiece(plotter, piece) for piece in scenery(layout, cells=90 if effects.fine else 45)]

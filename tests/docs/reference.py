@@ -282,6 +282,8 @@ def cystic_duct() -> str:
         "- `duct.traction_n` is the pull of a hand that holds the neck of the gallbladder, at the mouth: a pulled",
         "  duct is straighter and longer, its folds flatter. Without it the mouth is free, and so soft that folds",
         "  give way as a whole.",
+        "- `duct.incision` cuts it partly, in its first 5 mm where it has folds, and the effect `clip` holds a",
+        "  catheter in it: [the operation around the duct](../how-to/cholangiography.md).",
         "",
     ]
     return "\n".join(lines)

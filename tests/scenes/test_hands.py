@@ -165,6 +165,15 @@ def test_scenes_for_an_insertion_end_with_the_catheter_in_the_duct(name, own_cac
     assert largest_n < (0.3 if name != "paper" else 2.0)
 
 
+def test_through_a_cut_the_catheter_goes_in_and_on_along_the_duct(own_cache):
+    simulation, largest_n = played(load_scene("cholangiography"), own_cache)
+    assert largest_n < 0.5
+    assert simulation.entered_by == "incision"
+    assert simulation.inserted_length_m > 12e-3
+    tip, before = simulation.catheter.state.position_m[[-1, -4]]
+    assert (tip - before)[0] < -0.9 * np.linalg.norm(tip - before)  # towards the common duct
+
+
 def test_a_rung_of_fewer_particles_that_touch_kicks_no_hand_and_inserts_as_far(own_cache):
     levels = QualityLevel(), QualityLevel(name="half", iterations=15)
     scene = replace(load_scene("narrow", SMALLER), quality=levels)

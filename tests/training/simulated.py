@@ -44,7 +44,7 @@ class SimulatedRig:
         self._physics = physics.Physics(self._physics_process, meter, scenario.scene, duct)  # type: ignore[arg-type]
         self._scenario, self._pace = scenario, pace
         self._inputs = ToolInputs()
-        self.site: Site = read_site(duct_file(duct))
+        self.site: Site = read_site(duct_file(duct, scenario.scene))
 
     def messages(self, seconds: float) -> Iterator[tuple[str, int, msgspec.Struct]]:
         """Yield topic, time in ns and body of every frame of the fast topics."""

@@ -21,6 +21,8 @@ SITE = Site(
     mouth_m=(0.04, 0.0, 0.0), inward=(-1.0, 0.0, 0.0), mouth_radius_m=4e-3, eye_m=(0.04, -0.2, 0.0),
     looks_at_m=(0.04, 0.0, 0.0), basis_hash="made up", rim_gain=(1.0,),
 )  # fmt: skip
+CLIP = MOUTH + np.array([-6e-3, 0.0, 0.0])
+CLIPPED_SITE = msgspec.structs.replace(SITE, clip_m=tuple(CLIP), clip_reach_m=8e-3, clip_inward=(-1.0, 0.0, 0.0))
 SCENARIO = Scenario(name="made-up", title="Made up", scene="insertion", goal=Goal(depth_m=0.012))
 PORTS = (0.075, -0.06, 0.12), (0.01, 0.07, 0.11)
 N, SEGMENT_M, HELD = 40, 2e-3, 26
@@ -44,6 +46,8 @@ GOOD: dict[str, Channel] = {
     "catheter_squeeze": [(0.0, 0.6)],
     "duct_squeeze": [(0.0, 0.5)],
     "clip": [(9.2, 0.0), (9.4, 0.8)],
+    "clipped": [(0.0, 0.0)],  # by a clip on the duct
+    "clip_drags": [(0.0, 0.0)],  # along it, on either side
     "rim": [(0.0, 0.1)],
     "tip": [(2.4, 0.0), (2.45, 0.05), (2.5, 0.0)],
     "wall": [(2.5, 0.0), (8.0, 0.2)],
@@ -188,6 +192,9 @@ def _forces(at: Mapping[str, float], catheter: np.ndarray, between_jaws: np.ndar
         rows += [(0, MOUTH, at["clip"] * z), (0, MOUTH, -at["clip"] * z)]
     if at["hold"] > 0.5:
         rows += [(1, catheter[HELD], at["catheter_squeeze"] * z), (1, catheter[HELD], -at["catheter_squeeze"] * z)]
+    if at["clipped"] > 0.0:
+        drag = np.array([at["clip_drags"], 0.0, 0.0])
+        rows += [(2, CLIP, at["clipped"] * z - drag), (2, CLIP, -at["clipped"] * z - drag)]
     rows += [(2, catheter[-1], at["tip"] * z), (2, _from_mouth(-5.5e-3, 4e-3, 0.0), at["wall"] * z)]
     rows += [(2, _from_mouth(0.0, 4e-3, 0.0), at["rim"] * z)]
     kinds, points, forces = zip(*rows, strict=True)

@@ -20,6 +20,7 @@ __all__ = ["patient"]
 NAMES = [
     "basic",
     "bronchoscopy",
+    "cholangiography",
     "endovascular",
     "guide-wire",
     "mirrored",
@@ -35,7 +36,7 @@ PAR = (
 )  # fmt: skip
 
 
-def test_there_are_the_nine() -> None:
+def test_there_are_the_ten() -> None:
     assert scenario_names() == NAMES
 
 

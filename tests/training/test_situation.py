@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.by_day import examples
 from tests.protocol import strategies
-from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
+from tests.training.streams import CLIPPED_SITE, GOOD, SCENARIO, SITE, Channel, changed, messages
 from tests.training.test_errors import judged, pulse
 from trocar.protocol import TOPICS
 from trocar.protocol.arrays import pack
@@ -22,6 +22,7 @@ from trocar.protocol.bodies.physics import REACTION_GRASP_TORQUE
 from trocar.review.attempts.trace import Trace
 from trocar.services.training.judge import Judge
 from trocar.services.training.procedure import PHASES, Procedure
+from trocar.services.training.site import Site
 from trocar.services.training.situation import Loads, Situation, SituationReader, segments_apart_m
 
 
@@ -95,6 +96,40 @@ def test_the_opening_grows_with_the_square_of_its_radius() -> None:
 def test_a_hand_that_steadies_the_mouth_from_the_beginning_secures_nothing() -> None:
     judge, _ = judged({"grip": GOOD["grip"][:2], "clip": [(0.3, 0.5)]}, 9.0)
     assert judge.procedure.phase == "P4"
+
+
+CLIPPED: dict[str, Channel] = {
+    "grip": [*GOOD["grip"][:-2], (9.199, 0.0), (9.2, 1.0), (9.799, 1.0), (9.8, 0.0)],
+    "clipped": [(9.3, 0.0), (9.5, 0.6)],
+}
+
+
+@pytest.mark.parametrize(("site", "phase"), [(CLIPPED_SITE, "P5"), (SITE, "P4")])
+def test_a_clip_holds_on_when_the_jaws_that_closed_it_have_let_go(site: Site, phase: str) -> None:
+    """And where there is none, a wall that presses from both sides is no clip."""
+    judge = Judge(SCENARIO, site)
+    for message in messages(changed(CLIPPED), 11.0):
+        judge.take(*message)
+    assert judge.procedure.phase == phase
+
+
+@pytest.mark.parametrize(("pressed_n", "codes"), [(0.6, set()), (0.2, {"E9", "E10"}), (1.8, {"E9"})])
+def test_what_a_clip_presses_with_tells_whether_it_is_loose_or_crimps_or_leaks(
+    pressed_n: float, codes: set[str]
+) -> None:
+    judge = Judge(SCENARIO, CLIPPED_SITE)
+    for message in messages(changed(CLIPPED | {"clipped": [(9.3, 0.0), (9.5, pressed_n)]}), 13.9):
+        judge.take(*message)
+    assert judge.procedure.order[-2:] == ("P5", "P6")
+    assert set(judge.errors) & {"E9", "E10"} == codes
+
+
+def test_a_pull_at_a_catheter_under_a_clip_is_no_pressure_less() -> None:
+    reader, last = SituationReader(CLIPPED_SITE), None
+    for topic, _, body in messages(changed(CLIPPED | {"clip_drags": [(0.0, 0.3)]}), 11.0):
+        last = reader.take(topic, body) or last
+    assert last is not None
+    assert last.clipped_n == pytest.approx(0.6, rel=1e-9)
 
 
 def test_a_way_back_far_from_the_mouth_is_no_retry() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from trocar.services.mechanics.scene import ForcepsScene, ProbeScene
+from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.visualization import codec
 from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
 from trocar.services.visualization.web import build
@@ -33,6 +34,7 @@ def a_layout(n: int = 6, m: int = 4) -> PictureLayout:
         tools=tools,
         n_wire_segments=1,
         wire_radius_m=0.3e-3,
+        bars=(WallBar((0, 1, 2), (0.2, 0.3, 0.5), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (9e-3, 1.5e-3, 0.8e-3)),),
     )
 
 

@@ -28,6 +28,7 @@ class Law:
     needs_limit: bool = False  # whether a row whose limit is zero bears no force at all
     has_gap: bool = False  # whether ``gap_m`` is a distance of two surfaces: a negative one is an overlap
     fixes_distance: bool = False  # whether the distance at the end is constrained, not its change over the step
+    touches: bool = True  # whether its forces are those of two surfaces on each other
     is_damper: bool = False  # whether the softness relates force to velocity, so that a hand feels no stiffness
 
 
@@ -60,6 +61,8 @@ LAWS: dict[str, Law] = {
     "seal": Law(softness_m_n=(SEAL_SOFTNESS_M_N,) * 3, max_tension=1.0, max_compression=1.0),
     # Squeezed material pushes jaws apart. The slip of its row is zero where a spring between them would be unloaded.
     "squeeze": Law(softness_m_n=(SURFACE_SOFTNESS_M_N,) * 3),
+    # The spring of a clip draws with all of its force, however far it has come; the slip of its row begins far away.
+    "pull": Law(softness_m_n=(SURFACE_SOFTNESS_M_N,) * 3, max_tension=1.0, max_compression=0.0, touches=False),
 }  # fmt: skip
 
 
@@ -80,3 +83,4 @@ NEEDS_LIMIT = np.array([law.needs_limit for law in LAWS.values()])
 HAS_GAP = np.array([law.has_gap for law in LAWS.values()])
 FIXES_DISTANCE = np.array([law.fixes_distance for law in LAWS.values()])
 IS_DAMPER = np.array([law.is_damper for law in LAWS.values()])
+TOUCHES = np.array([law.touches for law in LAWS.values()])

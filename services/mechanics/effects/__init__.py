@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from trocar.services.mechanics.effects.anisotropy import Anisotropy
 from trocar.services.mechanics.effects.base import STAGES, Effect, act, acts_in, by_stage
+from trocar.services.mechanics.effects.clip import ClipEffect
 from trocar.services.mechanics.effects.friction import Friction
 from trocar.services.mechanics.effects.gallstones import Gallstones
 from trocar.services.mechanics.effects.grasp_slip import GraspSlip
@@ -53,6 +54,7 @@ EFFECTS: dict[str, EffectEntry] = {
     "hyperelasticity": EffectEntry(Hyperelasticity, "tissue that stiffens as it is stretched: laws of the membrane"),
     "gallstones": EffectEntry(Gallstones, "rigid spheres that catheter and wall push about"),
     "self_contact": EffectEntry(SelfContact, "the catheter touching itself"),
+    "clip": EffectEntry(ClipEffect, "a clip on the duct that presses its wall on the catheter and holds it"),
     "mucus_drag": EffectEntry(MucusDrag, "viscous film between catheter and wall"),
     "friction": EffectEntry(Friction, "Coulomb friction, static and kinetic, in every contact"),
     "grasp_slip": EffectEntry(GraspSlip, "a grasp carries no more than its grip friction"),

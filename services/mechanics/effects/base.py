@@ -14,6 +14,7 @@ from trocar.services.mechanics.reduction.build import Progress
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.rod import RodProperties
 from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.world import World
 
@@ -104,6 +105,18 @@ class Effect:
 
     def check_mesh(self, mesh: TriangleMesh) -> None:
         """Raise a ValueError for a mesh that the effect cannot act on; called before the modes are computed."""
+
+    def place_m(self, mesh: TriangleMesh) -> FloatArray | None:
+        """Return where on the duct at rest it acts, for who judges an attempt: (7,) middle and reach in m, and a unit
+        vector along the duct.
+
+        None, the default, for an effect that acts at no place in particular.
+        """
+        return None
+
+    def bars(self, mesh: TriangleMesh) -> tuple[WallBar, ...]:
+        """Return the bars on the wall that a picture shows of it, none by default."""
+        return ()
 
     def modify_section(self, section: ShellSection) -> ShellSection:
         """Return the wall's thickness and material, before the duct is meshed into elements."""

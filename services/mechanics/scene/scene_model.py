@@ -15,6 +15,7 @@ from trocar.services.mechanics.scene.catheter_section import CatheterSection
 from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
 from trocar.services.mechanics.scene.guide_wire import GuideWireScene
+from trocar.services.mechanics.scene.incision import IncisionScene
 from trocar.services.mechanics.scene.instruments import ForcepsScene, ToolScene
 from trocar.services.mechanics.surface.units import LengthUnit
 
@@ -40,6 +41,7 @@ class DuctScene:
     so on; ``mesh_up`` is what is up in the file's axes: z of the scene, as near as the mouth's direction allows.
     ``traction_n`` is the pull of a hand at the neck of the gallbladder: it has moved the rim of the mouth outwards, and
     holds it there; 0 holds it where it was. By default nobody holds it.
+    ``incision`` is a partial cut across it, an opening of the name "incision", whatever the duct was made from.
     ``tissue`` names the preset of `scene.tissue` from which the wall's values were taken, if any.
     """
 
@@ -63,6 +65,7 @@ class DuctScene:
     mesh_names: tuple[str, ...] = ()
     mesh_up: Vector3 | None = None
     traction_n: float | None = None
+    incision: IncisionScene | None = None
     tissue: str | None = None
     thickness_m: float = 0.5e-3
     youngs_modulus_pa: float = 100e3

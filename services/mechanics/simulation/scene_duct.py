@@ -20,6 +20,7 @@ from trocar.services.mechanics.scene import DuctScene, SceneModel
 from trocar.services.mechanics.scene.duct_recipe import duct_recipe, wall_section
 from trocar.services.mechanics.scene.duct_tubes import duct_tubes
 from trocar.services.mechanics.simulation.traction import pulled_recipe
+from trocar.services.mechanics.surface.incision import incise
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import mouth_opening
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
@@ -44,8 +45,7 @@ def build_scene_duct(
         mesh: TriangleMesh, optional. The surface of a scene with ``duct.mesh_file``; such files are read by
             `trocar.services.meshes`.
     """
-    if mesh is None:
-        mesh = scene_mesh(scene.duct)
+    mesh = opened_mesh(scene.duct, scene_mesh(scene.duct) if mesh is None else mesh)
     effects = build_effects(scene).values()
     stages = by_stage(effects)
     recipe = _recipe(scene, mesh, effects)
@@ -71,7 +71,8 @@ def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> Non
     Raises ValueError as `build_scene_duct` does, as far as can be known before the eigenvalues.
     """
     effects = build_effects(scene).values()
-    recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, effects)
+    mesh = opened_mesh(scene.duct, scene_mesh(scene.duct) if mesh is None else mesh)
+    recipe = _recipe(scene, mesh, effects)
     with _about_the_duct():
         check_n_modes(recipe.model(), recipe.n_modes)
     for effect in effects:
@@ -91,8 +92,10 @@ def check_duct_numbers(duct: DuctScene) -> None:
         wall_section(duct)
         if duct.is_tree:
             duct_tubes(duct)
+        if duct.incision is not None:
+            duct.incision.incision()
     except ValueError as error:
-        if str(error).startswith(("duct.branches", "duct.cystic")):
+        if str(error).startswith(("duct.branches", "duct.cystic", "duct.incision")):
             raise
         sentence = str(error).replace("wall_thickness_m", "thickness_m").partition(": ")[2]
         raise ValueError(f"duct: {sentence}") from None
@@ -124,6 +127,20 @@ def scene_mesh(duct: DuctScene) -> TriangleMesh:
     if duct.is_tree:
         raise ValueError("duct.branches, or duct.cystic: a branching duct must be meshed first, pass its mesh")
     return parametric_duct(duct_geometry(duct))
+
+
+def opened_mesh(duct: DuctScene, mesh: TriangleMesh) -> TriangleMesh:
+    """Return the mesh with the scene's incision in it, if there is one.
+
+    Raises ValueError that names the key of a value with which this duct cannot be cut.
+    """
+    if duct.incision is None:
+        return mesh
+    cut = duct.incision.incision()
+    try:
+        return incise(mesh, cut)
+    except ValueError as error:
+        raise ValueError(f"duct.incision.{error}") from None
 
 
 def duct_geometry(duct: DuctScene) -> DuctGeometry:

@@ -13,7 +13,7 @@ from trocar.services.mechanics.surface.mesh import TriangleMesh, unique_edges, v
 _BAND_EDGES = 1.5
 """Width of a band of the surface in mean edges; narrower bands would not be connected."""
 _PASSES = 4
-_NOT_ENDS = ("mouth", "clamped")
+_NOT_ENDS = ("mouth", "clamped", "incision")
 
 
 def centrelines(mesh: TriangleMesh) -> dict[str, FloatArray]:

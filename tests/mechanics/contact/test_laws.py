@@ -76,6 +76,7 @@ SETS = {
     "film": ((-np.inf, np.inf), np.inf),
     "seal": ((-0.5, 0.5), 0.0),
     "squeeze": ((0.0, np.inf), 0.0),
+    "pull": ((-0.5, 0.0), 0.0),
 }
 
 

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Catheter, smoothRuns, Tool } from "../src/view/bodies.js";
+import { Bar, Catheter, smoothRuns, Tool } from "../src/view/bodies.js";
 
 const SPHERE = [0, 0.4, 0.8, 1.2, 1.57, 2, 2.4, 2.8, Math.PI].map((a) => [-1.5 * Math.cos(a), 1.5 * Math.sin(a)]);
 const SHAPE = { port: [0, 0, 150], shaftRadius: 2.5, parts: [{ material: "steel", profile: SPHERE }], jawLength: 0, jawRadius: 0 };
@@ -40,4 +40,14 @@ test("a tool has the jaws that it is said to have, and is as thick as it is said
     const { min, max } = sphere.boundingBox;
     for (const [value, wanted] of [[min.x, -1.5], [max.x, 1.5], [max.y, 1.5]]) assert.ok(Math.abs(value - wanted) < 1e-2, `${value}`);
   }
+});
+
+test("a leg of a clip lies on the wall where it is told, and follows it", () => {
+  const told = { nodes: [0, 2, 1], weights: [0.25, 0.25, 0.5], along: [0, 1, 0], outward: [0, 0, 1], size: [9, 1.5, 0.8] };
+  const bar = new Bar(told, 1, "coarse"), points = Float32Array.from([0, 0, 4, 4, 0, 4, 0, 8, 4]);
+  bar.update({ points });
+  assert.deepEqual(bar.object.position.toArray().map((x) => Math.round(1e6 * x) / 1e6), [2, 2, 4.9]);
+  bar.object.updateMatrixWorld();
+  const corner = bar.object.localToWorld(bar.object.position.clone().set(4.5, 0.4, 0.75));
+  assert.deepEqual(corner.toArray().map((x) => Math.round(1e6 * Math.abs(x)) / 1e6), [2.75, 6.5, 5.3]);
 });

@@ -162,6 +162,22 @@ const METAL = {
   },
 };
 
+// A bar on the wall that follows a point of it: a leg of a clip.
+export class Bar {
+  constructor({ nodes, weights, along, outward, size }, thickness, look) {
+    const [length, width, high] = size, out = new THREE.Vector3(...outward), axis = new THREE.Vector3(...along);
+    Object.assign(this, { nodes, weights, out, above: 0.5 * (thickness + high) });
+    this.object = new THREE.Mesh(new THREE.BoxGeometry(length, high, width), METAL[look].steel);
+    this.object.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(axis, out, new THREE.Vector3().crossVectors(axis, out)));
+    this.object.castShadow = this.object.receiveShadow = true;
+  }
+
+  update({ points }) {
+    const place = [0, 1, 2].map((k) => this.nodes.reduce((sum, node, i) => sum + this.weights[i] * points[3 * node + k], 0));
+    this.object.position.set(...place).addScaledVector(this.out, this.above);
+  }
+}
+
 // A jaw along +x from the hinge: half round outside (+y), flat and toothed inside, blunt at the end.
 function jawGeometry(length, radius, { rings, arcs }) {
   const positions = [], index = [];

@@ -19,6 +19,7 @@ export function decodeHello(hello) {
     clamped: hello.duct.clamped,
     particles: hello.catheter.n_points,
     rods: rods(hello),
+    bars: (hello.bars ?? []).map(({ size_m, ...bar }) => ({ ...bar, size: size_m.map((x) => x * MM) })),
     tools: hello.tools.map((tool) => ({
       name: tool.name,
       port: tool.port_m.map((x) => x * MM),

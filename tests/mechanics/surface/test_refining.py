@@ -11,8 +11,8 @@ from trocar.services.mechanics.surface.mesh import (
     triangle_areas_m2,
     unique_edges,
 )
+from trocar.services.mechanics.surface.refining import LONGEST, refine
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from trocar.services.meshes.refining import LONGEST, refine
 
 TUBE = parametric_duct(DuctGeometry(4e-3, 40e-3, 24, 40))
 

@@ -1,0 +1,180 @@
+"""Contact rows of a clip: its two legs press the wall of the duct on the catheter from opposite sides.
+
+A leg is a plate, as it is wider than the duct. Its *pull* draws the wall to the catheter with the force of the clip,
+whatever moves; the other leg draws as much the other way, so that the catheter bears none of it. Its *pad* is the
+contact of wall and catheter under the plate, with the friction of every other. So each side of the catheter is pressed
+by the force of the clip less what the wall resists, and slips at its friction.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
+from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import (
+    along,
+    between,
+    dot,
+    put_row,
+    row_of,
+    squared_distance,
+    subtract,
+    unit,
+    write_frame,
+)
+from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.identity import TARGET_KIND, hold_identity, part_of
+from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.rows import NO_STONE
+from trocar.services.mechanics.contact.state import ContactState, state_at
+from trocar.services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_duct, put_on_rod
+
+_PULL, _PAD = number_of("pull"), number_of("unilateral")
+N_LEGS = 2
+_FIRST_NUMBER = (1 << 30) + 1
+"""Identities are those of holds, beyond the numbers of any; odd ones have the wall as their target."""
+_FAR_M = 1.0
+"""A pull is never at its end: from so far away it draws with all its force."""
+_NOT_THERE = -1
+
+
+class Clip(Struct):
+    """A clip: its place on the duct, how far it has closed, and what it does."""
+
+    triangle: Annotated[IntArray, N_LEGS]  # of the wall, under each leg
+    weights: Annotated[FloatArray, N_LEGS, 3]
+    rest_m: Annotated[FloatArray, N_LEGS, 3]  # where that is on the duct at rest
+    place_m: Annotated[FloatArray, N_LEGS, 3]  # where it is
+    towards: Annotated[FloatArray, N_LEGS, 3]  # unit vectors to the other leg
+    inward: Annotated[FloatArray, 3]  # along the duct
+    row: Annotated[IntArray, N_LEGS]  # of each pad in this step, or `_NOT_THERE`
+    reach_m: float  # from its middle, within which what touches the duct is under it
+    closing_n: float  # force of its spring once it is closed
+    rate_n_s: float  # at which that force grows
+    is_closed: bool = False
+    is_passed: bool = False  # whether the catheter passes it
+    pull_n: float = 0.0  # of each leg now
+    pressing_n: float = 0.0  # with which each side of the catheter is pressed
+    squeezed_n: float = 0.0  # with which jaws squeeze the duct there
+    given_j: float = 0.0  # work of whoever closes it, less what was lost when the catheter left it
+
+
+clip_at = reader(Clip)
+
+
+@kernel
+def append_clip(state_address: Address[ContactState], clip_address: Address[Clip]) -> None:
+    """Append pull and pad of both legs where the catheter passes the clip; else there are none, and it lies open."""
+    state, clip = state_at(state_address), clip_at(clip_address)
+    clip.row[:] = _NOT_THERE
+    segment, s = _passage(clip, state.geometry.rod.position)
+    clip.is_passed = segment != _NOT_THERE
+    if not clip.is_closed:
+        return
+    if not clip.is_passed:
+        clip.given_j -= clip.pull_n * _apart_m(clip)
+        clip.pull_n = 0.0
+        return
+    for leg in range(N_LEGS):
+        clip.row[leg] = _append_leg(state, clip, (leg, False), segment, s)
+        spring = _append_leg(state, clip, (leg, True), segment, s)
+        if spring != NO_ROOM:
+            state.rows.force_limit_n[spring] = clip.pull_n
+            put_row(
+                state.rows.slip_m,
+                spring,
+                along(vector(state.rows.slip_m, spring), vector(clip.towards, leg), _FAR_M),
+            )
+
+
+@kernel
+def _passage(clip: Clip, position: FloatArray) -> tuple[int, float]:
+    """Return where the catheter crosses the clip's plane within the duct: a segment and the share of it."""
+    middle = between(vector(clip.place_m, 0), vector(clip.place_m, 1), 0.5)
+    inward = (clip.inward[0], clip.inward[1], clip.inward[2])
+    found, share, nearest_2 = _NOT_THERE, 0.0, clip.reach_m * clip.reach_m
+    for segment in range(position.shape[0] - 1):
+        start = dot(inward, subtract(vector(position, segment), middle))
+        end = dot(inward, subtract(vector(position, segment + 1), middle))
+        if (start >= 0.0) == (end >= 0.0):
+            continue
+        s = start / (start - end)
+        away_2 = squared_distance(middle, between(vector(position, segment), vector(position, segment + 1), s))
+        if away_2 < nearest_2:
+            found, share, nearest_2 = segment, s, away_2
+    return found, share
+
+
+@kernel
+def _append_leg(state: ContactState, clip: Clip, which: tuple[int, bool], segment: int, s: float) -> int:
+    """Append a row between the catheter and the wall under a leg, and return its index or `NO_ROOM`.
+
+    ``which`` is (leg, whether it is its pull, not its pad).
+    """
+    rows, rod, wall = state.rows, state.geometry.rod, state.geometry.wall
+    leg, is_pull = which
+    number = _FIRST_NUMBER + 2 * (leg + (N_LEGS if is_pull else 0))
+    row = append_row(rows, _PULL if is_pull else _PAD, hold_identity(number))
+    if row == NO_ROOM:
+        return row
+    put_row(rows.frame[row], 0, vector(clip.towards, leg))
+    write_frame(rows.frame[row, 0], rows.frame[row])
+    put_on_rod(rows, row, FIRST_SIDE, (segment, segment + 1), (1.0 - s, s))
+    put_on_duct(rows, row, wall.triangles[clip.triangle[leg]], clip.weights[leg])
+    centre = between(vector(rod.position, segment), vector(rod.position, segment + 1), s)
+    normal = vector(clip.towards, leg)
+    put_row(rows.point_m, row, along(centre, normal, -rod.radius[segment]))
+    put_row(rows.slip_m, row, between(vector(rod.motion, segment), vector(rod.motion, segment + 1), s))
+    if not is_pull:
+        clearance = subtract(vector(rows.point_m, row), vector(clip.rest_m, leg))
+        rows.gap_m[row] = dot(normal, clearance) - wall.half_thickness
+    return row
+
+
+@kernel
+def follow_clip(
+    state_address: Address[ContactState], clip_address: Address[Clip], displacement_m: FloatArray, dt_s: float
+) -> None:
+    """Note what presses at the end of the step, and let the force of a closed clip grow.
+
+    ``displacement_m`` (k, 3) is that of the contacts' points of the wall, at the start of the step.
+    """
+    state, clip = state_at(state_address), clip_at(clip_address)
+    clip.pressing_n, clip.squeezed_n = _common_n(state, clip, False), _common_n(state, clip, True)
+    for leg in range(N_LEGS):
+        if clip.row[leg] >= 0:
+            put_row(clip.place_m, leg, along(vector(clip.rest_m, leg), vector(displacement_m, clip.row[leg]), 1.0))
+    for leg in range(N_LEGS):
+        put_row(clip.towards, leg, unit(subtract(vector(clip.place_m, 1 - leg), vector(clip.place_m, leg))))
+    if clip.is_closed and clip.row[0] >= 0:
+        grown_n = min(clip.rate_n_s * dt_s, clip.closing_n - clip.pull_n)
+        clip.given_j += grown_n * _apart_m(clip)
+        clip.pull_n += grown_n
+
+
+@kernel
+def _common_n(state: ContactState, clip: Clip, of_tools: bool) -> float:
+    """Return the normal force (N) that both sides under the clip have in common: of the catheter's wall, or of jaws."""
+    rows, total, net = state.rows, 0.0, (0.0, 0.0, 0.0)
+    middle = between(vector(clip.place_m, 0), vector(clip.place_m, 1), 0.5)
+    for row in range(rows.n_contacts):
+        is_tool, normal_n = rows.tool[row] != NO_TOOL, max(rows.force_n[row, 0], 0.0)
+        on_wall = rows.duct_weight[row, 0] != 0.0 or rows.duct_weight[row, 1] != 0.0 or rows.duct_weight[row, 2] != 0.0
+        if is_tool and not on_wall:  # a squeezed wall's row moves no node
+            on_wall = rows.identity[row] > 0 and part_of(rows.identity[row], TARGET_KIND) == DUCT_TRIANGLE
+        if is_tool != of_tools or not on_wall or rows.stone[row] != NO_STONE:
+            continue
+        if squared_distance(vector(rows.point_m, row), middle) < clip.reach_m * clip.reach_m:
+            total += normal_n
+            net = along(net, row_of(rows.frame, row, 0), normal_n)
+    return 0.5 * (total - math.sqrt(dot(net, net)))
+
+
+@kernel
+def _apart_m(clip: Clip) -> float:
+    """Return how far the wall under one leg is from that under the other."""
+    return math.sqrt(squared_distance(vector(clip.place_m, 0), vector(clip.place_m, 1)))
