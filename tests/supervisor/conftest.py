@@ -36,7 +36,7 @@ class _NoPage:
     def __init__(self, sock: socket.socket, *_: object) -> None:
         self._socket = sock
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Tell nobody."""
 
     def end(self) -> None:

@@ -109,7 +109,7 @@ def test_a_clip_holds_on_when_the_jaws_that_closed_it_have_let_go(site: Site, ph
     """And where there is none, a wall that presses from both sides is no clip."""
     judge = Judge(SCENARIO, site)
     for message in messages(changed(CLIPPED), 11.0):
-        judge.take(*message)
+        judge.take_frame(*message)
     assert judge.procedure.phase == phase
 
 
@@ -119,7 +119,7 @@ def test_what_a_clip_presses_with_tells_whether_it_is_loose_or_crimps_or_leaks(
 ) -> None:
     judge = Judge(SCENARIO, CLIPPED_SITE)
     for message in messages(changed(CLIPPED | {"clipped": [(9.3, 0.0), (9.5, pressed_n)]}), 13.9):
-        judge.take(*message)
+        judge.take_frame(*message)
     assert judge.procedure.order[-2:] == ("P5", "P6")
     assert set(judge.errors) & {"E9", "E10"} == codes
 
