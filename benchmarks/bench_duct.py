@@ -226,12 +226,12 @@ def effect_rows() -> list[Row]:
     calls["viscoelasticity, three terms, r = 100"] = relax
     frame = SectionFrame(TubeWarp.from_basis(mesh, basis, mesh.vertex_sets["clamped"]))
     nodes = mesh.vertex_sets["mouth"]
-    warped_rows = np.zeros((nodes.size, 3, N_MODES))
+    warped_rows, no_residual = np.zeros((nodes.size, 3, N_MODES)), np.zeros((nodes.size, 3))
     calls["large rotations, axis of 24 sections, r = 100"] = lambda: frame.update(q)
 
     def turn_and_gather() -> None:
         frame.update(q)
-        frame.node_rows(nodes, warped_rows)
+        frame.node_rows(nodes, no_residual, warped_rows)
 
     calls["large rotations, axis, its derivative, rows of 20 nodes"] = turn_and_gather
     limits = {"nonlinear membrane force, s = 20": 15e-6}

@@ -6,7 +6,7 @@ That is the environment of the rig's processes; like the rig's physics it runs o
 where that is allowed, and is handed the pairs of the tools, which haptics finds; a tick that finds them is given too.
 A fixed piece of arithmetic of about a tick's length is the floor: its 99th percentile over its median is the machine's.
 
-Also how often the paper's penalty contact lets the catheter through the wall there, how much of a tick each stage
+Also how much of the catheter the paper's penalty contact lets through the wall there, how much of a tick each stage
 takes, the insertion with our set-up and with the paper's, error and cost side by side, and a smaller duct in MuJoCo
 where that is installed.
 """
@@ -38,6 +38,7 @@ from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, sc
 from trocar.services.runtime.realtime import realtime
 from trocar.services.runtime.realtime.realtime import Fact
 from trocar.studies.paper_scene import paper_scene
+from trocar.studies.stability.crossings import count_crossings
 
 CORE, PRIORITY = 1, 60  # of physics in configs/rigs/stub.yaml
 TICK_BUDGET_S = 250e-6
@@ -210,7 +211,9 @@ def tick_rows(cache: Path, samples: int) -> tuple[list[Row], list[Fact]]:
     rows.insert(1, Row("tick, pressed contacts, 99 %", p99_us, "us", 1e6 * TICK_BUDGET_S, note=note))
     for name, timing in list(timings.items())[:2]:
         rows.append(Row(f"99 % over median, {name}", timing.p99_s / timing.median_s, ""))
-    rows.append(Row("heals of the paper's penalty contact while this settles", paper.healed_states, ""))
+    wall_m, triangles = paper.duct.surface_m(), paper.duct.reduced.mesh.triangles
+    through = count_crossings(paper.catheter.state.position_m, wall_m, triangles)
+    rows.append(Row("segments of the catheter that the paper's penalty contact lets through the wall", through, ""))
     for column, name in enumerate(ours.stage_cost_ns):
         rows.append(Row.from_timing(f"stage {name}", Timing.from_samples(stages[:, column])))
     return rows, facts

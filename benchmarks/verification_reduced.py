@@ -58,7 +58,7 @@ def tip_under_end_shear(mesh: TriangleMesh, basis: ModalBasis, load_n: float) ->
     def energy(scaled: np.ndarray) -> tuple[float, np.ndarray]:
         frame.update(scaled / basis.omega_rad_s)
         frame.node_positions(tip, nothing, positions)
-        frame.node_rows(tip, rows)
+        frame.node_rows(tip, nothing, rows)
         gradient = scaled - load_n * (share @ rows[:, 2]) / basis.omega_rad_s
         return 0.5 * scaled @ scaled - load_n * (share @ positions[:, 2]), gradient
 

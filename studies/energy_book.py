@@ -6,7 +6,7 @@ They allocate and evaluate forces again: for tests and studies, not for the 1 kH
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from time import thread_time_ns
 
 import numpy as np
@@ -21,7 +21,7 @@ from trocar.services.mechanics.rod.energy import RodEnergy, rod_energy
 from trocar.services.mechanics.rod.model import RodModel, RodWork, allocate_work
 from trocar.services.mechanics.rod.twist import add_frame_forces
 from trocar.services.mechanics.scene.tools import N_TOOLS, ToolInputs
-from trocar.services.mechanics.simulation.simulation import Simulation, Watcher
+from trocar.services.mechanics.simulation.simulation import Simulation
 from trocar.services.mechanics.world import World
 from trocar.studies.grip_energy import Grips, enter_grips, stored_in_grips
 from trocar.studies.rod_forces import internal_forces
@@ -41,14 +41,13 @@ class EnergyFlow:
         friction_j: Sliding in contacts and in the introducer, and slipping holds.
         effects_j: What effects say that they dissipate.
         impact_j: Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
-        healing_j: What was stored before the parts of steps that ended in states that were not sound, less what is
-            stored in those that were taken up again. The part itself is not entered: nothing was felt of it.
+        healing_j: What was stored at the end of a part after which a caller has set an impossible state, less what is
+            stored at its start, at rest.
         withheld_j: What parts of steps have lost that kept only a share of their motion.
         released_j: What holds had stored that were let go, and couplings of tools that came back elsewhere; less what
             holds come back with that had found no row for a while.
         numerical_j: What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance
-            and a wall that is squeezed, with what that loses where it slides out from between jaws. Also what the
-            residual compliance loses, or gains, as the sections of the wall turn under the same loads between steps.
+            and a wall that is squeezed, with what that loses where it slides out from between jaws.
     """
 
     input_j: float = 0.0
@@ -76,16 +75,15 @@ class EnergyFlow:
 
 
 class EnergyBook:
-    """Steps a simulation and keeps its books; ``other`` watches its parts as well.
+    """Steps a simulation and keeps its books.
 
     Attributes:
         flow: EnergyFlow
-        tick_ns: int. Processor time of the last step, without that of the books and of ``other``.
+        tick_ns: int. Processor time of the last step, without that of the books.
     """
 
-    def __init__(self, simulation: Simulation, other: Watcher | None = None) -> None:
+    def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
-        self._other = other
         self.flow = EnergyFlow()
         self._model: RodModel = implicit_integrator(simulation).model
         self._work = allocate_work(len(simulation.catheter.state.position_m))
@@ -107,9 +105,7 @@ class EnergyBook:
             self._enter_healing()
 
     def _enter_healing(self) -> None:
-        """A part that ended unsound is undone, in the books as well: nothing was felt of it, so no hand has worked."""
-        for field in fields(self.flow):
-            setattr(self.flow, field.name, getattr(self._undone, field.name))
+        """Enter that a world was put back to the start of its last part, whose flows were felt and stay."""
         self._begun = None
         self._rod = catheter_energy(self.simulation.world, self._work)
         stored_j = self._stored_j() - self._opening_j
@@ -133,9 +129,6 @@ class EnergyBook:
 
         A part that is begun again has the rows of the try that was taken back: what they store is as it was.
         """
-        if self._other is not None:
-            self._other.begin()
-        self.simulation.duct.turn_sections()
         again = self._begun
         stored_j = self._stored_j() - self._opening_j
         self.flow.numerical_j += self.flow.stored_j - stored_j
@@ -144,7 +137,6 @@ class EnergyBook:
         self._slipped_j = _slipped_j(self.simulation)
         self._spent_j = _dissipated_by_effects_j(self.simulation)
         self._squeezed_j = self.simulation.squeeze.arrays.dissipated_j
-        self._undone = replace(self.flow)
 
     def _end(self, dt_s: float) -> None:
         """Enter a part of a step."""
@@ -162,8 +154,6 @@ class EnergyBook:
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self._begun = None
         self.flow.stored_j = self._stored_j() - self._opening_j
-        if self._other is not None:
-            self._other.end(dt_s)
 
     def _enter_part_taken_back(self, before: _Snapshot, dt_s: float) -> None:
         """Enter what hands have done in a part that has kept only a share of its motion; the rest is withheld."""
@@ -174,8 +164,6 @@ class EnergyBook:
         self._begun = before if dt_s == 0.0 else None  # of nothing, rows come back, and their motion does not
         self.flow.stored_j = self._stored_j() - self._opening_j
         self.flow.withheld_j += self.flow.imbalance_j - owed_j
-        if self._other is not None:
-            self._other.end(dt_s)
 
     def _stored_j(self) -> float:
         return float(sum(stored_energies_j(self.simulation, self._rod, self._begun).values()))
@@ -237,11 +225,11 @@ class EnergyBook:
 
     def _enter_residual(self, before: _Snapshot) -> None:
         duct = self.simulation.duct
-        change = nodal_loads(self.simulation) - before.loads
+        change = _loads_on_wall(self.simulation) - before.loads
         nodes = np.flatnonzero(np.any(change != 0.0, axis=1)).astype(np.int32)
-        moved = np.zeros((len(nodes), 3))
-        duct.reduced.residual.apply(nodes, change[nodes], nodes, moved)
-        self.flow.numerical_j += 0.5 * float(np.sum(moved * change[nodes]))
+        loads, moved = duct.turn_to_world(nodes, change[nodes]), np.zeros((len(nodes), 3))
+        duct.reduced.residual.apply(nodes, loads, nodes, moved)
+        self.flow.numerical_j += 0.5 * float(np.sum(moved * loads))
 
     def _enter_contacts(self, before: _Snapshot) -> None:
         """Work of the contact forces on the relative motion, friction and normal apart; anchors store some of it."""
@@ -290,7 +278,7 @@ class _Snapshot:
             rod_energy.elastic_j,
             simulation.duct.state.copy(),
             simulation.duct.rate(),
-            nodal_loads(simulation),
+            _loads_on_wall(simulation),
             _anchor_energy_j(simulation) if begun is None else begun.anchors_j,
             _driven_j(simulation),
             None if simulation.wire_drive is None else simulation.wire_drive.motion,
@@ -364,6 +352,14 @@ def nodal_loads(simulation: Simulation) -> FloatArray:
     loads = np.zeros((simulation.duct.reduced.mesh.n_vertices, 3))
     n = simulation.duct.n_loads
     loads[simulation.duct.load_nodes[:n]] = simulation.duct.load_force_n[:n]
+    return loads
+
+
+def _loads_on_wall(simulation: Simulation) -> FloatArray:
+    """Return the same loads (n, 3) along the axes of the wall at rest, which its sections turn."""
+    duct, loads = simulation.duct, nodal_loads(simulation)
+    loaded = np.flatnonzero(np.any(loads != 0.0, axis=1)).astype(np.int32)
+    loads[loaded] = duct.turn_to_wall(loaded, loads[loaded])
     return loads
 
 

@@ -55,8 +55,8 @@ CRITERIA: dict[str, Criterion] = {
         0.05,
     ),
     "penetration_hand": Criterion(
-        "overlap of catheter, wall and stones at the end of a tick, by brute force on the drawn shapes, also in "
-        "states that are then replaced; hands at most at 0.5 m/s, without jumps",
+        "overlap of catheter, wall and stones at the end of a tick, by brute force on the drawn shapes; hands at most "
+        "at 0.5 m/s, without jumps",
         "m",
         0.1e-3,
     ),
@@ -114,7 +114,7 @@ CRITERIA: dict[str, Criterion] = {
     "relaxation": Criterion("lost share of a held force, scaled to a minute", "", 0.01),
     "law": Criterion("relative error of a force against its law", "", 0.05),
     "leaks": Criterion("runs that change in a bit if another case has run before them", "", 0),
-    "healed": Criterion("states that were not sound and were replaced by the last sound one", "", 0),
+    "healed": Criterion("ticks that began in a state that is physically impossible, and was put back", "", 0),
     "healed_by_design": Criterion(
         "the same in families whose input no state can be expected to bear: told, not judged", "", math.inf
     ),

@@ -99,7 +99,7 @@ def _drive(play: Play, explained: Explained) -> tuple[Driven, list[tuple[int, in
     play.hands.write(0, tools)
     simulation.step(tools, play.dt_s)
     watch = Watch(simulation, speed_m_s, explained)
-    run = _Run(simulation, EnergyBook(simulation, watch), watch, HandLead(simulation), tools, play)
+    run = _Run(simulation, EnergyBook(simulation), watch, HandLead(simulation), tools, play)
     is_sound = run.through_hands() and run.until_quiet()
     figures = watch.worst | watch.energy_figures()
     figures |= {"healed": float(simulation.healed_states), "dropped": float(sum(simulation.dropped_contacts))}

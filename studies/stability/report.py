@@ -53,10 +53,12 @@ def page(
     most = "".join(
         f" --{name} {value}" for name, value in (("most", order.most), ("cases", order.cases)) if value is not None
     )
+    some = () if order.families == tuple(FAMILIES) else order.families
+    asked = "".join(f" --family {name}" for name in some) + f" --seed {order.seed}{most}"
     lines = [
         "# Hard cases",
         "",
-        f"Written by `trocar stability --{order.reach.value} --seed {order.seed}{most}`; do not edit by hand.",
+        f"Written by `trocar stability --{order.reach.value}{asked}`; do not edit by hand.",
         "",
         "The suite drives scenes with hard input, such as jumps, lost ticks and thin walls. Every run is judged by the",
         "criteria of the first table; a case fails if one figure exceeds its limit. A family is a kind of input.",

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 
 import numpy as np
 
-from trocar.services.mechanics.arrays import AnyArray, FloatArray
+from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.collision.pairs import NO_TOOL
 from trocar.services.mechanics.contact.laws import HAS_GAP
 from trocar.services.mechanics.rod.model import RodModel
@@ -51,7 +49,7 @@ class Watch:
         self._wall = np.ascontiguousarray(basis.Phi[nodes].reshape(3 * WALL_NODES, -1))
         duct = simulation.scene.duct
         self._wall_sound_m_s = math.sqrt(duct.youngs_modulus_pa / duct.density_kg_m3)
-        self._judge, self._part, self._deep_m = OverlapJudge(simulation), _Part(simulation), 0.0
+        self._judge, self._deep_m = OverlapJudge(simulation), 0.0
         self._segments = np.zeros_like(simulation.tools.segments)
         limits_m = CRITERIA["penetration_hand"].limit, CRITERIA["penetration_any"].limit * duct.thickness_m
         self._half_limit_m = 0.5 * min(limits_m)
@@ -80,7 +78,7 @@ class Watch:
             return False
         is_healed = self._simulation.healed_states > self._healed_states
         self._healed_states = self._simulation.healed_states
-        self._look_at_overlaps(dt_s, is_healed)
+        self._look_at_overlaps(dt_s)
         self._look_at_forces(dt_s, is_healed)
         self._look_at_rod()
         if self._steps % CROSSINGS_EVERY == 0:
@@ -159,20 +157,10 @@ class Watch:
         velocity = (self._wall @ self._simulation.duct.rate()).reshape(-1, 3)
         return math.sqrt(float(np.einsum("ij,ij->i", velocity, velocity).max()))
 
-    def begin(self) -> None:
-        """Do nothing: what a part of a step begins with, the one before has ended with."""
-
-    def end(self, dt_s: float) -> None:
-        """Keep what a part of a step has ended with, before anything puts it back."""
-        self._part.keep()
-
-    def _look_at_overlaps(self, dt_s: float, is_healed: bool) -> None:
-        """Ask the judge now and then, and always where something is half as deep as it may be, or is healed."""
+    def _look_at_overlaps(self, dt_s: float) -> None:
+        """Ask the judge now and then, and always where something is half as deep as it may be."""
         is_due = self._steps % max(round(JUDGED_EVERY_S / dt_s), 1) == 0
-        if is_healed:
-            with self._part.taken_up():
-                self._judge_overlaps()
-        elif is_due or self._deep_m > self._half_limit_m or self._rows_depth_m() > self._half_limit_m:
+        if is_due or self._deep_m > self._half_limit_m or self._rows_depth_m() > self._half_limit_m:
             self._judge_overlaps()
 
     def _judge_overlaps(self) -> None:
@@ -204,32 +192,6 @@ class Watch:
 
 
 _HAS_GAP = np.array(HAS_GAP, dtype=np.bool_)
-
-
-class _Part:
-    """What a part of a step has ended with."""
-
-    def __init__(self, simulation: Simulation) -> None:
-        duct, catheter, tools = simulation.duct, simulation.catheter, simulation.tools
-        arrays = *duct.state_arrays(), *catheter.state_arrays(), *tools.state_arrays()
-        self._live = *arrays, tools.present, tools.disengaged, tools.held
-        self._copies = [each.copy() for each in self._live]
-
-    def keep(self) -> None:
-        for copy, live in zip(self._copies, self._live, strict=True):
-            copy[...] = live
-
-    @contextmanager
-    def taken_up(self) -> Iterator[None]:
-        """Let the simulation be there again for a while."""
-        now = [each.copy() for each in self._live]
-        self._put(self._copies)
-        yield
-        self._put(now)
-
-    def _put(self, arrays: Sequence[AnyArray]) -> None:
-        for live, array in zip(self._live, arrays, strict=True):
-            live[...] = array
 
 
 class _Rod:

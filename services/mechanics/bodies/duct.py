@@ -136,11 +136,12 @@ class DuctBody:
         self._motion.add_residual((nodes, weights), loads, (out, self._ignored_motion[: len(nodes)]))
 
     def turn_to_wall(self, nodes: IntArray, forces: FloatArray) -> FloatArray:
-        """Return forces (k, 3) on nodes (k,) along the axes of the wall at rest, which its sections turn: a copy.
+        """Return contact forces (k, 3) at the end of a step, on nodes (k,), along the axes of the wall at rest: a copy.
 
-        What a wall does by itself is told along these: laws of its shape, and what lags in it.
+        What a wall does by itself is told along these, which its sections turn: laws of its shape, and what lags in it.
         """
         own = forces.copy()
+        self._motion.update(self.state.q)
         self._motion.turn_to_wall(nodes, own)
         return own
 
@@ -168,6 +169,16 @@ class DuctBody:
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
         correct(self._loads.address, nodes, weights, forces, self.dt_s)
+        self.turn_loads()
+
+    def turn_loads(self) -> None:
+        """Turn the contact loads along with the sections of a wall with large rotations, to the end of the step.
+
+        What they have displaced beyond the modes rides along, as the rows of `gather` say: it stays as it is along the
+        axes of the wall, and so does the energy that it stores.
+        """
+        n = self.n_contact_loads
+        self._motion.turn_along(self.load_nodes[:n], self.load_force_n[:n], self.state.q)
 
     def modal_load(self, forces: FloatArray) -> FloatArray:
         """Return the modal load (r,) of contact forces (k, 3), in the order of the last rows."""
@@ -185,14 +196,6 @@ class DuctBody:
             end += gain * ended
         self.dq_free += self._gains[0] * ended
         self.removed_half_impulse += self.dt_s * ended
-
-    def turn_sections(self) -> None:
-        """Turn the sections of a wall with large rotations to its present shape, as the next step begins with them.
-
-        The compliance beyond the modes turns along, and what it stores under the same loads with it. Nothing acts on
-        the modes for that: it is an error of the model.
-        """
-        self._motion.update(self.state.q)
 
     def hold(self, last: FloatArray, force: FloatArray) -> None:
         """Hold a modal force (r,) over the step in place of ``last`` (r,), which is overwritten by it.
@@ -321,7 +324,8 @@ class DuctBody:
         return 0.5 * float(rate @ rate)
 
     def strain_energy_j(self) -> float:
-        """Elastic energy of the modes and of the residual compliance under the contact loads."""
+        """Elastic energy of the modes and of the residual compliance under the contact loads; for studies."""
+        self._motion.update(self.state.q)
         modal = self.state.strain_energy_j(self.reduced.basis.omega_rad_s)
         n = self.n_loads
         nodes, force, moved = self.load_nodes[:n], self.load_force_n[:n], np.zeros((n, 3))

@@ -51,6 +51,9 @@ class PointCompliance:
     def turn_to_world(self, nodes: IntArray, vectors: FloatArray) -> None:
         """Turn vectors back, in place."""
 
+    def turn_along(self, nodes: IntArray, vectors: FloatArray, q: FloatArray) -> None:
+        """Turn vectors (k, 3) of nodes (k,), in place, as the wall turns from the last `update` to q: it does not."""
+
     def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Call `add_residual`; see there."""
         self.add_residual(points, loads, out)
@@ -114,11 +117,12 @@ class TurnedMotion(PointCompliance):
     """x of `reduction.large_rotations.warping`; ``reduced`` has its residual compliance turned along."""
 
     def __init__(self, reduced: ReducedDuct, warp: TubeWarp, n_points: int) -> None:
-        self._frame = SectionFrame(warp)
+        self._frame, self._end_frame = SectionFrame(warp), SectionFrame(warp)
         turned = RotatedResidual.of(reduced.residual, self._frame, n_points)
         super().__init__(replace(reduced, residual=turned), n_points)
         self._corners_m = np.zeros((3 * n_points, 3))
         self._no_residual_m = np.zeros((3 * n_points, 3))
+        self._residual_m = np.zeros((3 * n_points, 3))
         self._corner_rows = np.zeros((3 * n_points, 3, reduced.basis.n_modes))
 
     def update(self, q: FloatArray) -> None:
@@ -133,16 +137,29 @@ class TurnedMotion(PointCompliance):
         """Turn vectors back, in place."""
         self._frame.turn_vectors(nodes, vectors, vectors)
 
+    def turn_along(self, nodes: IntArray, vectors: FloatArray, q: FloatArray) -> None:
+        """Turn vectors (k, 3) of nodes (k,), in place, as their sections turn from the last `update` to q."""
+        if len(nodes):
+            self._end_frame.update(q)
+            self._frame.turn_back(nodes, vectors, vectors)
+            self._end_frame.turn_vectors(nodes, vectors, vectors)
+
     def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
-        """Write the same as `StraightMotion.gather`; ``motion`` is q of `update` and its change."""
+        """Write the same as `StraightMotion.gather`; ``motion`` is q of `update` and its change.
+
+        Sections that turn carry the displacement by ``loads`` along, so it is part of the rows.
+        """
         (nodes, weights), touched = points, self._corners
         u = list_corners(nodes, weights, self._slot, touched.address)
-        self._frame.node_rows(touched.node[:u], self._corner_rows[:u])
+        corner, residual_m = touched.node[:u], touched.displacement_m[:u]
+        self.reduced.residual.apply(loads[0], loads[1], corner, residual_m)
+        self._frame.turn_back(corner, residual_m, self._residual_m[:u])
+        self._frame.node_rows(corner, self._residual_m[:u], self._corner_rows[:u])
         interpolate_corners(weights, touched.address, self._corner_rows, out[0])
         corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
         self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
         move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)
-        self.add_residual(points, loads, (out[1], out[2]))
+        apply_corner_displacements(weights, touched.address, u, (out[1], out[2]))
 
     def position_function(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
         """Return a function for the positions (k, 3) in m of ``nodes`` (k,) without contact loads, as last updated."""

@@ -17,7 +17,7 @@ from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN
 from trocar.services.mechanics.reduction.softened_wall.pattern_change import change_pattern
 from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
-from trocar.services.mechanics.reduction.viscoelastic import NEVER
+from trocar.services.mechanics.reduction.viscoelastic import NEVER, ViscousModes
 from trocar.services.mechanics.reduction.wall_step.energy_tank import MOST_OWED, settle_step
 from trocar.services.mechanics.reduction.wall_step.implicit_step import (
     CREDIT_J,
@@ -69,6 +69,7 @@ class WallTerms:
         self._gain_dt_s = np.zeros(1)  # of the step whose gain is in the terms' rows: it goes back with them
         self._to_fade, self._is_fading = {"membrane": 0.0, "pattern": 0.0}, False
         self.is_kept, self.lost_j = False, 0.0
+        self._lagging_of = b"", 0.0  # the last state that it was found of, and what was found
 
     @property
     def step(self) -> WallStep:
@@ -171,11 +172,21 @@ class WallTerms:
         return self.lost_j - float(self.step.books[LAGGED]) - self._lagging_j()
 
     def _lagging_j(self) -> float:
-        """Return the energy of what lags, less that of a linear wall; see `relax_wall`."""
-        viscous, step = self._duct.viscous, self.step
+        """Return the energy of what lags, less that of a linear wall; see `relax_wall`.
+
+        A book asks for it several times in one state, in what is stored and in what is lost: it is found once.
+        """
+        viscous = self._duct.viscous
         if viscous is None or not viscous.d.any():
             return 0.0
-        total, q = 0.0, self._duct.state.q
+        arrays = self._duct.state.q, viscous.d, *self.state_arrays()
+        state = b"".join(array.tobytes() for array in arrays)
+        if state != self._lagging_of[0]:
+            self._lagging_of = state, self._find_lagging_j(viscous)
+        return self._lagging_of[1]
+
+    def _find_lagging_j(self, viscous: ViscousModes) -> float:
+        step, total, q = self.step, 0.0, self._duct.state.q
         for g, d, lag in zip(viscous.g, viscous.d, step.lag, strict=True):
             largest = conjugate_energy(step, self._stiffness * d + lag, q)
             total += g * (largest - float(lag @ q) - 0.5 * float(self._stiffness @ d**2))

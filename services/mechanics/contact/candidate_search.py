@@ -198,22 +198,6 @@ class CandidateSearch:
         arrays = self._arrays
         return int(arrays.known.list.dropped + arrays.found.dropped + arrays.violations.dropped)
 
-    def is_sound(self) -> bool:
-        """Return whether the catheter's axis was clear of the wall's middle surface when the step began."""
-        return not pierces(self._arrays.address)
-
-
-@kernel
-def pierces(address: Address[SearchArrays]) -> bool:
-    """Return whether the axis of a piece of the catheter goes through a triangle."""
-    search = search_at(address)
-    found, thickness = search.found, search.known.list.thickness
-    for i in range(found.count):
-        p = found.piece[i]
-        if N_TOOL_PIECES <= p < search.working.first_sphere and found.gap_m[i] <= -thickness[p]:
-            return True
-    return False
-
 
 @kernel
 def begin_step(

@@ -34,13 +34,14 @@ from trocar.services.mechanics.contact.solver import solve_contacts
 # Energy that a step may add without debt, for rounding. A thousand steps of it, a second, are less than a particle of
 # 3.4 mg, as the catheter's are, has at 1 mm/s, which counts as rest: friction or not, nothing is kept swinging.
 SLACK_J = 1e-15
-# Largest debt, as a fraction of the work of the hands within the last `RECENT_S`.
+# Largest debt, as a fraction of the work of the hands within the last `RECENT_S`: a fifth of what counts as a gain.
 CREDIT = 2e-3
 RECENT_S = 1.0
 # Time with contacts after the start of a scene in which recovery has no limit.
 START_UP_S = 0.1
 # Fraction of the dissipation that recovery may use: with less recovery, friction dissipates less too.
 BUDGET_SHARE = 0.9
+# A limit to 1e-9 of the budget, 2^-30, because the work of a row may be so small a part of it.
 _BISECTIONS = 30
 
 

@@ -65,7 +65,8 @@ UNRELIABLE_DEPTH = 0.5
 MARGIN, ROUNDING_M = 2.0, 1e-7
 #: Distance within which violations share a row, as a fraction of the axis's distance from the wall in contact.
 VIOLATION_SPACING = 0.1
-#: Maximum number of rows that a pricing adds, the deepest first; the others are priced again.
+# Maximum number of rows that a pricing adds, the deepest first; the others are priced again, because the first
+# ones may hold them off.
 MAX_NEW_ROWS = 24
 
 Found = tuple[Candidates, Candidates]

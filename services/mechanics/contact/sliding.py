@@ -22,7 +22,8 @@ from trocar.services.mechanics.contact.warm_start import SAME_PLACE_M, ForceMemo
 
 #: A contact that has slid so far is at another place on the wall.
 SLID_M = SAME_PLACE_M
-#: Contacts that are slower rest, even on their cones.
+# Contacts that are slower rest, even on their cones: a hundredth of the speed that counts as rest, so that it takes
+# five seconds to creep by `SLID_M`.
 REST_M_S = 1e-5
 #: Share of the pressure between two bodies that has to be on sliding contacts, for the bodies to slide.
 MOST = 0.5

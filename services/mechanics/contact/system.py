@@ -183,6 +183,7 @@ class ContactSystem:
             addresses = (self.address, bodies.duct.loads_address, catheter.step_address, bodies.tools.address)
             more = (bodies.duct.dt_s, tool_force, rod.twist is None)
             rod.note_factors(stages.apply_to_bodies(addresses, rod.addresses, motion, step, *more))
+            bodies.duct.turn_loads()
             if rod.twist is not None:
                 rod.remove_energy_gain(catheter.state, catheter.step_address)
             catheter.note_contacts(k)

@@ -22,7 +22,8 @@ from trocar.services.mechanics.compiled.struct import Struct
 from trocar.services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance
 from trocar.services.mechanics.contact.clearance import overlap_in_jaws, piece_can_touch
 
-#: Smallest cosine between the normals of duplicates, and of a row and what it covers, 26 degrees.
+# Smallest cosine between the normals of duplicates, and of a row and what it covers, 26 degrees: a catheter touches
+# facets of a tube meshed with 14 nodes around and more by one row, because they lie at less than that.
 SAME_NORMAL = 0.9
 #: On thin walls tolerances are at most this fraction of the thickness: four of them leave half of it.
 SHARE_OF_WALL = 0.125

@@ -1,13 +1,9 @@
-"""Detection of unsound states at the end of a step, and recovery from them.
+"""States that are physically impossible: no solved motion ends in one, and one that a caller has set is put back.
 
-A state is sound if it is physically possible: all numbers are finite, the catheter is neither torn nor too fast, and
-its axis does not pierce the wall. No solved motion takes a body through another, see `motion_share`: what is left are
-states that a caller has set, and numbers that no solve can mend. Recovery restores the start of the step, at rest and
-with unstretched couplings, because otherwise the restored state would return energy that has been dissipated. If that
-start is not sound either, because a caller has set it, the last sound copy is restored.
-
-The cause may act again at once. If the last recovery was at most `AGAIN` steps ago, tools have no contact until they
-have been withdrawn.
+A state is possible if all numbers are finite and the catheter is neither torn nor too fast. A solved motion that ends
+otherwise is not accepted, like one that ends too deep (`motion_share`). What a caller has set between two ticks is
+replaced by the state that the last step began with, at rest and with unstretched couplings, because otherwise it would
+return energy that has been dissipated.
 """
 
 from __future__ import annotations
@@ -17,19 +13,15 @@ from typing import Annotated
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from trocar.services.mechanics.compiled import kernel
-from trocar.services.mechanics.compiled.memory import SavedArrays
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.compiled.vectors import dot, row, squared_distance
 from trocar.services.mechanics.scene.tools import N_TOOLS
-from trocar.services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S
 from trocar.services.mechanics.simulation.step_start import StepStart
 from trocar.services.mechanics.world import World
 
 # A polymer yields at a few per cent; the strongest pull of both grips stretches a catheter by two. A rod released from
 # a strain moves at that strain times the speed of sound.
 MOST_STRETCH = 0.25
-# A recovery has succeeded after this many sound steps: the greatest number of substeps in a tick.
-AGAIN = round(LONGEST_STEP_S / SHORTEST_STEP_S)
 
 
 class LiveState(Struct):
@@ -64,52 +56,43 @@ live_at = reader(LiveState)
 
 
 class Healer:
-    """Checks the state of a world after each step and restores an earlier one where it is unsound.
+    """Judges whether a state is possible, and puts back one that is not.
+
+    A scene that begins with a finite but impossible state is left to recover by itself.
 
     Args:
         start: StepStart. The saved start of the last substep.
 
     Attributes:
-        healed: int. Number of recoveries since the start.
+        healed: int. Number of states that were put back since the start.
     """
 
     def __init__(self, world: World, start: StepStart) -> None:
         self._world, self._start = world, start
         self._live = LiveState.of(world)
-        live = [array for body in (world.duct, world.catheter, world.tools) for array in body.state_arrays()]
-        live += [array for effect in world.effects for array in effect.state_arrays()]
-        self._sound = SavedArrays(live)
-        self._has_sound, self._sound_steps, self.healed = False, 0, 0
+        self._was_sound, self.healed = False, 0
 
-    def begin(self) -> None:
-        """Refuse an invalid initial state.
+    def must_heal(self) -> bool:
+        """Return whether a tick begins with an impossible state, although the last one had another.
 
-        Raises ValueError: it holds a NaN or an infinity before the first step.
+        Raises ValueError: a state holds a NaN or an infinity before any has been sound.
         """
-        if not self._has_sound and not numbers_are_finite(self._live.address):
+        is_sound = bool(state_is_sound(self._live.address))
+        if not (is_sound or self._was_sound or numbers_are_finite(self._live.address)):
             raise ValueError("the state of catheter, duct or tools holds a NaN or an infinity before the first step")
+        must_heal = self._was_sound and not is_sound
+        self._was_sound |= is_sound
+        return must_heal
 
-    def watch(self) -> bool:
-        """Return whether the state at the end of a step is sound.
-
-        A scene whose caller set an unsound but finite state is left to recover by itself.
-        """
-        is_sound = state_is_sound(self._live.address) and self._world.search.is_sound()
-        if is_sound and self._sound_steps % AGAIN == 0:
-            self._sound.save()
-            self._has_sound = True
-        self._sound_steps += is_sound
-        return is_sound or not self._has_sound
+    def accepts(self) -> bool:
+        """Return whether the end of a solved motion is possible; any is, where its start was not."""
+        return not self._was_sound or bool(state_is_sound(self._live.address))
 
     def heal(self) -> None:
-        """Restore the start of the step, or the last sound copy, at rest and with all holds released."""
+        """Restore the start of the last step, at rest and with all holds released."""
         world = self._world
         self._start.restore()
-        if not state_is_sound(self._live.address):
-            self._sound.restore()
-        if self.healed > 0 and self._sound_steps <= AGAIN:
-            world.tools.present[:] = False  # a tool that reappears inside a body has no contact, see `engagement`
-        self.healed, self._sound_steps = self.healed + 1, 1
+        self.healed += 1
         for body in (world.duct, world.catheter, world.tools):
             body.halt()
         for part in (world.system, world.seal, world.squeeze, world.search):

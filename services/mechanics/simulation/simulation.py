@@ -131,17 +131,12 @@ class Simulation:
         if dt_s > LONGEST_TICK_S:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
         self._arguments.check(tools)
-        self._healer.begin()
         self.solver.products = 0
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
-        self._stuck.begin(tools)
-        if self._fading:
-            self._stuck.forget()
-        steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
-        for _ in range(steps):
-            if not self._step_in_parts(tools, dt_s / steps):
-                self._heal()
-                break
+        if self._healer.must_heal():
+            self._heal()
+        else:
+            self._take_tick(tools, dt_s)
         start_ns = perf_counter_ns()
         self.write_report()
         self.cost_ns[-1] = perf_counter_ns() - start_ns
@@ -166,13 +161,22 @@ class Simulation:
         state = self.catheter.state
         continue_sleep(self.catheter.step_address, state.position_m, state.velocity_m_s)
 
-    def _step_in_parts(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Advance by a step in substeps; return False as soon as one of them ends in an unsound state."""
-        parts = self.splitter.parts(tools, dt_s)
-        return all(self._take_part(tools, dt_s / parts) for _ in range(parts))
+    def _take_tick(self, tools: ToolInputs, dt_s: float) -> None:
+        """Advance by a tick in steps, and by each of these in as many parts as it needs."""
+        self._stuck.begin(tools)
+        if self._fading:
+            self._stuck.forget()
+        steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
+        for _ in range(steps):
+            parts = self.splitter.parts(tools, dt_s / steps)
+            self._take_parts(tools, dt_s / steps / parts, parts)
 
-    def _take_part(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Advance by a substep; return whether the state is sound.
+    def _take_parts(self, tools: ToolInputs, dt_s: float, parts: int) -> None:
+        for _ in range(parts):
+            self._take_part(tools, dt_s)
+
+    def _take_part(self, tools: ToolInputs, dt_s: float) -> None:
+        """Advance by a substep.
 
         One that is not accepted is taken back to its largest sound share, and the rest of its time follows in parts of
         its own; if less than half of it is sound, it is taken in halves, down to the shortest. Time that is left when
@@ -180,10 +184,11 @@ class Simulation:
         tried again.
         """
         if self._stuck.fails(dt_s) and dt_s > SHORTEST_STEP_S:
-            return all(self._take_part(tools, dt_s / 2) for _ in range(2))
+            self._take_parts(tools, dt_s / 2, 2)
+            return
         if self.solver.is_spent or self._stuck.fails(dt_s):
             self.withheld_s += dt_s
-            return True
+            return
         self.duct.change_step(dt_s)
         if self.watcher is not None:
             self.watcher.begin()
@@ -195,7 +200,8 @@ class Simulation:
             if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
                 self._start.restore()
                 self._stuck.note_failed(dt_s)
-                return all(self._take_part(tools, dt_s / 2) for _ in range(2))
+                self._take_parts(tools, dt_s / 2, 2)
+                return
             self._take_back()
         share = self.share
         if share > 0.0:
@@ -206,15 +212,18 @@ class Simulation:
             self._stuck.note_rest(tools, dt_s)
         if self.watcher is not None:
             self.watcher.end(share * dt_s)
-        return self._healer.watch() and (share == 1.0 or self._go_on(tools, dt_s, share))
+        if share < 1.0:
+            self._go_on(tools, dt_s, share)
 
     def _find_share(self, dt_s: float) -> float:
         """Return how much of the solved motion is sound, in whole shortest parts or eighths, whichever is more.
 
-        In eighths, because a motion of ever smaller shares would never end.
+        In eighths, because a motion of ever smaller shares would never end. None of a motion to an impossible state is.
 
         Without prices nothing tells how deep bodies are at a share: all of it counts.
         """
+        if not self._healer.accepts():
+            return 0.0
         if not self.solver.prices:
             return 1.0
         share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share)
@@ -235,23 +244,24 @@ class Simulation:
             for effect in self.effects.values():
                 effect.take_back(self.world, share)
 
-    def _go_on(self, tools: ToolInputs, dt_s: float, share: float) -> bool:
+    def _go_on(self, tools: ToolInputs, dt_s: float, share: float) -> None:
         """Take the rest of a part of which a share has happened; one of the shortest has none."""
         left_s = (1.0 - share) * dt_s
         if share == 0.0 or dt_s < 2.0 * SHORTEST_STEP_S:
             self.withheld_s += left_s
-            return True
+            return
         part_s = dt_s
         while left_s > 1e-6 * dt_s:
             part_s *= 0.5
             if left_s > (1.0 - 1e-6) * part_s:
                 left_s -= part_s
-                if not self._take_part(tools, part_s):
-                    return False
-        return True
+                self._take_part(tools, part_s)
 
     def _move(self, tools: ToolInputs, dt_s: float) -> bool:
-        """Move everything by a substep; return whether it ends without overlap or debt, and none outran detection."""
+        """Move everything by a substep; return whether its end is possible, and without overlap or debt.
+
+        Nothing may have moved further than detection looks ahead.
+        """
         marks = self._marks_ns
         marks[0] = perf_counter_ns()
         begin_loads(self.duct.motion_address, self.catheter.step_address)
@@ -276,10 +286,10 @@ class Simulation:
         self._owes_nothing = all(effect.is_settled for effect in self._stages["settle"])
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
-        return self.splitter.is_detected() and is_settled and self._owes_nothing
+        return self.splitter.is_detected() and is_settled and self._owes_nothing and self._healer.accepts()
 
     def _heal(self) -> None:
-        """Restore the last sound state; no force acts on a tool in this tick."""
+        """Put back the state that the last step began with; no force acts on a tool in this tick."""
         self._healer.heal()
         for grasp in self.grasps:
             grasp.let_go()
@@ -313,7 +323,7 @@ class Simulation:
 
     @property
     def healed_states(self) -> int:
-        """Number of unsound states since the start that were replaced by the last sound one."""
+        """Number of impossible states that callers have set since the start, and that were put back."""
         return self._healer.healed
 
     @property

@@ -190,6 +190,8 @@ def _effects(random: np.random.Generator, scene: SceneModel) -> dict[str, object
     for name in map(str, random.permutation(list(EFFECTS))):
         if random.random() < (SOFTENED_SHARE if name == "softening" else 0.5):
             drawn[name] = EFFECTS[name].kind.Settings()
+    if scene.duct.branches:
+        drawn.pop("large_rotations", None)  # that is for a tube with two ends: a scene with both is refused
     if "friction" in drawn:
         static, tool_static = random.uniform(0.0, 1.2, 2)
         kinetic, tool_kinetic = random.uniform(0.5, 1.0, 2) * (static, tool_static)

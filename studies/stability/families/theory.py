@@ -86,7 +86,7 @@ def _particles(ratio: float) -> Driven:
 def _penalty(stiffness: float) -> Driven:
     """A catheter that lies on the wall, held by springs one step late: it comes to rest only on soft ones.
 
-    On stiff ones it rattles, or is thrown so that it has to be healed.
+    On stiff ones it rattles, or is thrown so that no part of its motion is possible.
     """
     scene = _lying()
     simulation = Simulation(scene, reduced_duct(scene))
@@ -100,7 +100,7 @@ def _penalty(stiffness: float) -> Driven:
             simulation.step(tools)
         except FloatingPointError:
             fastest_m_s = math.inf
-        if simulation.healed_states or math.isinf(fastest_m_s):
+        if simulation.withheld_s > 0.0 or math.isinf(fastest_m_s):
             fastest_m_s = math.inf
             break
         has_touched = has_touched or bool(simulation.contact_force_n.any())

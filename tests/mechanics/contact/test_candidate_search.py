@@ -145,18 +145,6 @@ def test_between_jaws_there_is_as_much_room_as_they_have_squeezed_away(simulatio
     assert overlap_in_jaws(tools, JAW_A, 0.0, tuple(-opening)) == pytest.approx(0.2e-3)
 
 
-def test_a_catheter_whose_axis_pierces_the_wall_is_not_sound(simulation):
-    simulation.search.begin(simulation.system)
-    assert simulation.search.is_sound()
-    middle, normal = facet(simulation, 0.3)
-    line = simulation.catheter.start_m
-    for end_m, is_sound in ((0.3e-3, False), (-0.3e-3, True)):  # the tip beyond the middle surface, or short of it
-        line[:] = middle + np.outer(np.linspace(-3e-3, end_m, len(line)), -normal)
-        simulation.search.forget()
-        simulation.search.begin(simulation.system)
-        assert simulation.search.is_sound() == is_sound
-
-
 @pytest.mark.parametrize("film_first", [True, False])
 def test_rows_of_a_film_are_seen_whoever_is_prepared_first(small_scene, small_duct, film_first):
     """A catheter a quarter of a millimetre from the wall, and a sphere that is followed too."""

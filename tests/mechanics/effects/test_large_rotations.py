@@ -76,7 +76,7 @@ def duct(cache_dir):
 
 @pytest.fixture(scope="module")
 def bent(duct):
-    """The end of the push: the simulation, its energy flow on the way, the worst overlap."""
+    """The end of the push: the simulation, its energy flow on the way, the worst overlap, and the loads before."""
     simulation, tools = Simulation(soft_scene(), duct), ToolInputs()
     tools.present[:] = True
     press_down(tools, 0)
@@ -84,11 +84,27 @@ def bent(duct):
     book, flows, overlap_m = EnergyBook(simulation), [], 0.0
     for tick in range(PUSH_TICKS + HOLD_TICKS):
         press_down(tools, tick)
+        begun = loads_of(simulation.duct)
         book.step(tools)
         flow = book.flow
         flows.append((flow.input_j, flow.stored_j, flow.dissipated_j))
         overlap_m = max(overlap_m, simulation.max_penetration_m)
-    return simulation, np.array(flows), overlap_m
+    return simulation, np.array(flows), overlap_m, begun
+
+
+def loads_of(body):
+    """Nodes and forces of a duct's loads, copied."""
+    return body.load_nodes[: body.n_loads].copy(), body.load_force_n[: body.n_loads].copy()
+
+
+def loads_as_solved(body):
+    """The same along the axes that sections had at the start of the last step."""
+    (nodes, loads), frame = loads_of(body), SectionFrame(body.reduced.warp)
+    frame.update(body.state.q)
+    frame.turn_back(nodes, loads, loads)
+    frame.update(body.q_start)
+    frame.turn_vectors(nodes, loads, loads)
+    return nodes, loads
 
 
 def test_a_duct_bent_far_by_forceps_keeps_its_volume(duct, bent):
@@ -107,23 +123,62 @@ def test_a_duct_bent_far_by_forceps_keeps_its_volume(duct, bent):
 
 
 def test_forces_and_motions_at_contacts_do_the_same_virtual_work(duct, bent):
-    """J^T f from the loads on nodes and the warp's own derivative, against what contacts gave the modes."""
-    body = bent[0].duct
-    nodes, loads = body.load_nodes[: body.n_loads], body.load_force_n[: body.n_loads]
-    frame, rows = SectionFrame(duct.warp), np.empty((len(nodes), 3, duct.basis.n_modes))
+    """J^T f from the loads on nodes and the warp's own derivative, against what contacts gave the modes.
+
+    Loads turn along to the end of the step; what those before it have displaced rides along.
+    """
+    body, frame = bent[0].duct, SectionFrame(duct.warp)
+    nodes, loads = loads_as_solved(body)
     frame.update(body.q_start)
-    frame.node_rows(nodes, rows)
+    begun = bent[3][1].copy()
+    frame.turn_back(bent[3][0], begun, begun)
+    rows, carried_m = np.empty((len(nodes), 3, duct.basis.n_modes)), np.zeros((len(nodes), 3))
+    duct.residual.apply(bent[3][0], begun, nodes, carried_m)
+    frame.node_rows(nodes, carried_m, rows)
     expected = np.einsum("nir,ni->r", rows, loads)
     assert len(nodes) >= 6  # only nodes that carry a force are listed: two pressed contacts
     assert body.contact_impulse == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+    rows_of_points = np.empty_like(rows)
+    frame.node_rows(nodes, np.zeros_like(carried_m), rows_of_points)
+    without = np.einsum("nir,ni->r", rows_of_points, loads)
+    assert np.abs(without - expected).max() > 1e-3 * np.abs(expected).max()
     straight = np.einsum("nir,ni->r", duct.basis.Phi[nodes], loads)
     assert np.abs(straight - expected).max() > 0.05 * np.abs(expected).max()
+
+
+def test_a_pressed_point_goes_where_its_row_says_while_its_section_turns(duct):
+    """The same force for two steps in which the wall swings: its dent rides along, as its row says."""
+    body, dt_s = Simulation(soft_scene(), duct).duct, 1e-4
+    nodes, weights = duct.mesh.triangles[[500]].astype(np.int32), np.full((1, 3), 1.0 / 3.0)
+    force_n = np.array([[0.1, 0.03, -0.2]])
+    body.state.q[:] = duct.basis.Phi[nodes[0, 0], 2] / duct.basis.omega_rad_s**2
+    body.state.q *= 0.4 / np.linalg.norm(duct.warp.turn[-1] @ body.state.q)
+    for _ in range(2):
+        body.state.qdot[:] = body.state.q / 0.2
+        start_m, started_m = place_of(body, nodes[0]), place_of(body, nodes[0], loaded=False)
+        body.predict(dt_s)
+        body.gather(nodes, weights)
+        modes, dent_m = body.modes[:3].copy(), np.zeros((3, 3))
+        body.correct(nodes, weights, force_n)
+        body.reduced.residual.apply(nodes[0], -force_n / 3.0 * np.ones((3, 1)), nodes[0], dent_m)
+        foretold_m = modes @ (body.state.q - body.q_start) + dent_m.mean(axis=0) - (start_m - started_m)
+    moved_m = place_of(body, nodes[0]) - start_m
+    turned = np.linalg.norm(duct.warp.turn[-1] @ (body.state.q - body.q_start))
+    by_turning_m = turned * np.linalg.norm(dent_m.mean(axis=0))
+    print(f"{1e6 * np.abs(foretold_m - moved_m).max():.2f} um off, a dent turned by {1e6 * by_turning_m:.1f} um")
+    assert by_turning_m > 0.5e-6
+    assert foretold_m == pytest.approx(moved_m, abs=0.1 * by_turning_m)
+
+
+def place_of(body, nodes, *, loaded=True):
+    """The middle of three nodes where a duct is now, with what its loads displace or without."""
+    return (body.surface_m() if loaded else warped_positions(body.reduced.warp, body.state.q))[nodes].mean(axis=0)
 
 
 def test_what_the_tools_feel_the_wall_feels_reversed(bent):
     simulation = bent[0]
     on_tools = simulation.contact_force_n.sum(axis=0)
-    on_wall = simulation.duct.load_force_n[: simulation.duct.n_loads].sum(axis=0)
+    on_wall = loads_as_solved(simulation.duct)[1].sum(axis=0)
     assert np.linalg.norm(on_tools) > 5e-3
     assert on_wall == pytest.approx(-on_tools, rel=1e-9)
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from effect_runs import PRESSED_M, come_down, run
 
-from trocar.services.mechanics.bodies.wall_terms import terms_of
+from trocar.services.mechanics.bodies import wall_terms
+from trocar.services.mechanics.bodies.wall_terms import conjugate_energy, terms_of
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
@@ -98,6 +99,24 @@ def test_the_books_balance_over_a_poke_that_relaxes(with_effects, cache_dir):
     effect = simulation.effects["viscoelasticity"]
     assert effect.dissipated_j > 0.05 * most_j
     assert abs(book.flow.imbalance_j) < 0.01 * most_j
+
+
+def test_what_lags_in_a_state_is_looked_for_once_however_often_a_book_asks(with_effects, small_duct, monkeypatch):
+    """It takes a minimisation: drawn cases spent more time there than in their ticks."""
+    scene = with_effects(nonlinear_membrane={"n_coordinates": 6}, viscoelasticity={})
+    simulation, tools = Simulation(scene, small_duct), ToolInputs()
+    tools.present[1] = False
+    for tick in range(60):
+        tools.position_m[0] = np.add(PRESSED_M, (0.0, 0.0, 4e-3 - 1e-4 * tick))
+        simulation.step(tools)
+    found, book = [], EnergyBook(simulation)
+    monkeypatch.setattr(wall_terms, "conjugate_energy", lambda *of: found.append(of) or conjugate_energy(*of))
+    book.step(tools)
+    first_j = simulation.duct.terms.energy_j()
+    assert len(found) == simulation.duct.viscous.d.shape[0]
+    simulation.duct.viscous.d *= 0.5
+    assert simulation.duct.terms.energy_j() != first_j
+    assert len(found) == 2 * simulation.duct.viscous.d.shape[0]
 
 
 def test_anisotropic_wall_has_other_modes(with_effects, cache_dir, small_duct):

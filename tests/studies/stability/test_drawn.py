@@ -37,6 +37,13 @@ def test_every_shape_and_every_effect_is_drawn_and_softening_in_the_quick_form_t
     assert any("softening" in each.scene.effects for each in quick)
 
 
+def test_nothing_is_drawn_that_does_not_go_together():
+    """Sections that turn are for a tube: a fork that had them was refused, which ended all of a run."""
+    forked = [each.scene for each in MANY if each.scene.duct.branches]
+    assert len(forked) > 20
+    assert not any("large_rotations" in scene.effects for scene in forked)
+
+
 def test_it_is_drawn_as_widely_as_it_is_told():
     ducts, catheters = [each.scene.duct for each in MANY], [each.scene.catheter for each in MANY]
     thin = np.array([duct.thickness_m / duct.radius_m for duct in ducts])

@@ -58,6 +58,7 @@ def test_the_page_names_what_failed_and_the_worst_of_each_criterion():
         Result("theory", "bad", {"theory": 1.0, "rest": float("inf")}, 10, 0.1),
     ]
     written = page(THEORY, results, "abc")
+    assert f"Written by `trocar stability --quick --family theory --seed {THEORY.seed}`" in written
     assert "2 of 4 cases run, 1 failed**: 1.26 to 98.7 % of such cases fail" in written
     assert "No failure in 2 cases, the most of a family, still means a rate of 0 to 84.2 %." in written
     assert "| theory | rest (1, never), theory (1, 1) |" in written

@@ -124,10 +124,13 @@ class SectionFrame:
         """
         node_positions(self._tube.address, nodes, extra_m, out)
 
-    def node_rows(self, nodes: IntArray, out: FloatArray) -> None:
-        """Write d position / d q of ``nodes`` (k,) into ``out`` (k, 3, r): it takes the place of Phi."""
+    def node_rows(self, nodes: IntArray, extra_m: FloatArray, out: FloatArray) -> None:
+        """Write d position / d q of ``nodes`` (k,) into ``out`` (k, 3, r): it takes the place of Phi.
+
+        ``extra_m`` (k, 3) is as for `node_positions`: a section that turns moves what it carries along.
+        """
         self._refresh_rates()
-        node_rows(self._tube.address, nodes, out)
+        node_rows(self._tube.address, nodes, extra_m, out)
 
     def turn_vectors(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:
         """Turn ``vectors`` (k, 3) of ``nodes`` (k,) from undeformed into world axes; ``out`` (k, 3) may be the same."""

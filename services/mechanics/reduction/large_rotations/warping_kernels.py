@@ -199,13 +199,13 @@ def place_node(tube: WarpedTube, node: int, extra: FloatArray, out: FloatArray) 
 
 
 @kernel
-def node_rows(address: Address[WarpedTube], nodes: IntArray, out: FloatArray) -> None:
-    """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q."""
-    _node_rows(tube_at(address), nodes, out)
+def node_rows(address: Address[WarpedTube], nodes: IntArray, extra: FloatArray, out: FloatArray) -> None:
+    """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q; ``extra`` (k, 3) rides along."""
+    _node_rows(tube_at(address), nodes, extra, out)
 
 
 @inlined_kernel
-def _node_rows(tube: WarpedTube, nodes: IntArray, out: FloatArray) -> None:
+def _node_rows(tube: WarpedTube, nodes: IntArray, extra: FloatArray, out: FloatArray) -> None:
     segment, fraction, arm, local, q = tube.segment, tube.fraction, tube.arm, tube.local, tube.q
     turn, rate, turn_modes, small, between = tube.turn, tube.rate, tube.turn_modes, tube.small, tube.between
     R, A, vector, carried = small[:3], small[3:6], small[6], small[7]
@@ -217,7 +217,7 @@ def _node_rows(tube: WarpedTube, nodes: IntArray, out: FloatArray) -> None:
         left_jacobian(vector, A)
         _product(local[node], q, carried)
         for i in range(3):
-            carried[i] += arm[node, i]
+            carried[i] += arm[node, i] + extra[index, i]
             for mode in range(q.shape[0]):
                 between[i, mode] = (1.0 - t) * turn_modes[k, i, mode] + t * turn_modes[k + 1, i, mode]
                 out[index, i, mode] = (1.0 - t) * rate[k, i, mode] + t * rate[k + 1, i, mode]

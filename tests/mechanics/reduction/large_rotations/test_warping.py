@@ -49,7 +49,7 @@ def tip_under_end_shear(model, basis, load_n):
         # Coordinates scaled by frequency make the strain energy round and the search short.
         frame.update(scaled / basis.omega_rad_s)
         frame.node_positions(tip, no_residual, positions)
-        frame.node_rows(tip, rows)
+        frame.node_rows(tip, no_residual, rows)
         gradient = scaled - load_n * (share @ rows[:, 2]) / basis.omega_rad_s
         return 0.5 * scaled @ scaled - load_n * (share @ positions[:, 2]), gradient
 
@@ -141,17 +141,18 @@ def test_the_held_end_stays(model, basis, tube_warp):
     assert moved == pytest.approx(model.mesh.vertices_m[held], abs=1e-15)
 
 
-def test_rows_are_the_derivative_of_the_positions(basis, tube_warp):
+@pytest.mark.parametrize("carried_m", [0.0, 2e-3])
+def test_rows_are_the_derivative_of_the_positions(basis, tube_warp, carried_m):
     nodes = np.array([0, 25, 333, 610], np.int32)
     q, frame = some_coordinates(basis, 20e-3), SectionFrame(tube_warp)
-    rows, sides, no_residual = np.empty((4, 3, basis.n_modes)), np.empty((2, 4, 3)), np.zeros((4, 3))
+    rows, sides, extra = np.empty((4, 3, basis.n_modes)), np.empty((2, 4, 3)), np.full((4, 3), carried_m)
     frame.update(q)
-    frame.node_rows(nodes, rows)
+    frame.node_rows(nodes, extra, rows)
     direction = np.random.default_rng(6).standard_normal(basis.n_modes) / basis.omega_rad_s
     step = 1e-5 * np.linalg.norm(q) / np.linalg.norm(direction)
     for side, sign in zip(sides, (-1.0, 1.0), strict=True):
         frame.update(q + sign * step * direction)
-        frame.node_positions(nodes, no_residual, side)
+        frame.node_positions(nodes, extra, side)
     difference = (sides[1] - sides[0]) / (2.0 * step)
     assert rows @ direction == pytest.approx(difference, abs=1e-6 * np.abs(difference).max())
 
