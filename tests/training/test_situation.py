@@ -127,7 +127,7 @@ def test_what_a_clip_presses_with_tells_whether_it_is_loose_or_crimps_or_leaks(
 def test_a_pull_at_a_catheter_under_a_clip_is_no_pressure_less() -> None:
     reader, last = SituationReader(CLIPPED_SITE), None
     for topic, _, body in messages(changed(CLIPPED | {"clip_drags": [(0.0, 0.3)]}), 11.0):
-        last = reader.take(topic, body) or last
+        last = reader.take_body(topic, body) or last
     assert last is not None
     assert last.clipped_n == pytest.approx(0.6, rel=1e-9)
 
