@@ -16,12 +16,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ("services", "protocol")
+FOLDERS = ("services", "protocol", "review")
 #: Words by which a comment gives a reason, not only a name: a proxy, which a person may judge otherwise.
 _REASON = re.compile(
     r"\b(because|since|so that|as|otherwise|else|or|for|than|without|until|measured|took|takes|seen|needs?|twice|half"
     r"|times|least|most|longest|shortest|beyond|below|above|by|RFC|ISO|IEC|datasheet|Linux|kernel|firmware|et al)\b"
 )
+#: What CONTRIBUTING asks for where there is no reason: such a number is counted apart.
+_ASSUMED = re.compile(r"\bassumptions?\b", re.IGNORECASE)
 
 
 @dataclass(slots=True)
@@ -30,6 +32,7 @@ class Package:
 
     modules: dict[str, str] = field(default_factory=dict)
     reasoned: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
     bare: list[str] = field(default_factory=list)
 
 
@@ -44,8 +47,9 @@ def packages() -> dict[str, Package]:
             package.modules[path.stem] = _first_sentence(ast.get_docstring(tree) or "")
         comments = _comments(text)
         for names, node, after in _constants(tree):
-            words = " ".join([*_beside(node, comments), after])
-            kept = package.reasoned if _REASON.search(words) else package.bare
+            words = " ".join([*_beside(node, comments, text.splitlines()), after])
+            said = package.reasoned if _REASON.search(words) else package.bare
+            kept = package.assumed if _ASSUMED.search(words) else said
             kept += [f"{path.stem}.{name}" for name in names]
     return dict(sorted(found.items()))
 
@@ -63,22 +67,25 @@ def homonyms() -> dict[str, list[str]]:
 def page() -> str:
     """Return the page."""
     found = packages()
-    reasoned, bare = (sum(len(getattr(each, name)) for each in found.values()) for name in ("reasoned", "bare"))
+    reasoned, assumed, bare = (
+        sum(len(getattr(each, kind)) for each in found.values()) for kind in ("reasoned", "assumed", "bare")
+    )
     lines = [
         "# Ideas by package",
         "",
         "Made by `python -m tests.docs.reference`; do not edit by hand.",
         "",
         "A module is one mechanism; its line says what it is for. A numeric constant counts as one with a reason if",
-        "the comment beside it says why, as far as a program can tell. Names that stand for several things are listed",
-        "at the end.",
+        "the comment beside it says why, as far as a program can tell. A comment that ends in a colon is for all lines",
+        "down to the next empty one. Codes and places that are counted from 0 are no numbers that somebody chose.",
+        "Names that stand for several things are listed at the end.",
         "",
         f"Modules: {sum(len(each.modules) for each in found.values())}.",
-        f"Constants: {reasoned} with a reason, {bare} without.",
+        f"Constants: {reasoned} with a reason, {assumed} assumed, {bare} without.",
         "",
     ]
     for folder, package in found.items():
-        counts = f"{len(package.reasoned)} with a reason, {len(package.bare)} without"
+        counts = f"{len(package.reasoned)} with a reason, {len(package.assumed)} assumed, {len(package.bare)} without"
         lines += [f"## {folder}", "", f"Constants: {counts}.", ""]
         lines += [f"- `{module}`: {what}" for module, what in sorted(package.modules.items())]
         if package.bare:
@@ -118,8 +125,9 @@ def _is_tuned(names: list[str], value: ast.expr) -> bool:
     numbers = [each.value for each in ast.walk(value) if isinstance(each, ast.Constant)]
     if any(isinstance(each, bool) or not isinstance(each, int | float) for each in numbers):
         return False
-    is_counted = len(names) > 1 and numbers == list(range(len(numbers)))
-    return bool(numbers) and all(map(_is_arithmetic, ast.walk(value))) and not is_counted
+    is_place = len(names) > 1 and numbers[:1] == [0] and numbers == sorted(set(numbers))
+    is_nothing = len(numbers) > 1 and not any(numbers)
+    return bool(numbers) and all(map(_is_arithmetic, ast.walk(value))) and not is_place and not is_nothing
 
 
 def _is_arithmetic(node: ast.AST) -> bool:
@@ -132,11 +140,15 @@ def _comments(text: str) -> dict[int, str]:
     return {each.start[0]: each.string for each in tokens if each.type == tokenize.COMMENT}
 
 
-def _beside(node: ast.stmt, comments: dict[int, str]) -> Iterator[str]:
-    """Yield the comments in the lines of a statement and directly above it."""
+def _beside(node: ast.stmt, comments: dict[int, str], lines: list[str]) -> Iterator[str]:
+    """Yield the comments in the lines of a statement, directly above it, and above the block that it belongs to."""
     for line in range(node.lineno, (node.end_lineno or node.lineno) + 1):
         yield comments.get(line, "")
     line = node.lineno - 1
-    while line in comments:
+    while line in comments and lines[line - 1].startswith("#"):
         yield comments[line]
+        line -= 1
+    while line > 0 and lines[line - 1].strip():
+        if lines[line - 1].startswith("#") and lines[line - 1].endswith(":"):
+            yield comments[line]
         line -= 1

@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
-MAX_DIMENSION = 1 << 20
+MAX_DIMENSION = 1 << 20  # as no frame has more bytes (`frame.MAX_FRAME_BYTES`)
 
 
 class Array(msgspec.Struct, array_like=True, frozen=True, gc=False):

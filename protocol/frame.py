@@ -11,9 +11,9 @@ from msgspec import Meta
 from trocar.protocol import declared, soundness, upgrades
 from trocar.protocol.topics import TOPICS, Topic
 
-#: Major version of the envelope itself. A frame with another one is refused unread.
+#: Major version of the envelope itself: a frame with another one is refused unread. It has not changed since the first.
 PROTOCOL_VERSION = 1
-#: No frame of the rig comes near this; what is larger is refused before it is parsed.
+#: No frame of the rig comes near this; what is larger is refused before it is parsed, as it may be endless.
 MAX_FRAME_BYTES = 1 << 20
 
 

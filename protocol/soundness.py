@@ -26,9 +26,10 @@ Leaf = tuple[str, Field]
 #: Of each array dtype and shape, and then of each the number of bytes.
 Layout = tuple[tuple[tuple[str, tuple[int, ...]], ...], tuple[int, ...]]
 
-#: Layouts that are remembered of a body type: those of a rig's contacts come and go.
+#: Layouts that are remembered of a body type: those of a rig's contacts come and go, and forgotten ones are taken apart
+#: again, so that memory does not grow.
 _LAYOUTS = 256
-#: Checks that are asked in one expression.
+#: Checks that are asked in one expression, written out; more are asked by threes.
 _AT_ONCE = 3
 _kind, _data = attrgetter("dtype", "shape"), attrgetter("data")
 

@@ -17,7 +17,7 @@ import numpy as np
 from trocar.protocol.arrays import Array, pack
 from trocar.protocol.fields import Field, fields
 
-#: No count is larger, whatever a table says.
+#: No count is larger, whatever a table says, so that sums of them fit 64 bits.
 _COUNT_MAX = 2.0**31
 
 

@@ -40,33 +40,56 @@ class Topic:
 
 
 TICK_S = 1e-3
-"""A tick: the period of the loops, and of the state topics."""
-_MOTION = 0.005  # seconds: five ticks; what moves the hand is stale after that
+"""A tick: the period of the loops, and of the state topics: 1 kHz, as Basdogan et al. (2001) and vendors' loops have.
+"""
+TICK_NS = round(1e9 * TICK_S)
+TICK_HZ = float(round(1.0 / TICK_S))
+HEALTH_S = 0.1
+"""Period of all that processes say of themselves: a report takes up to 0.4 ms, so a process spends 0.4 % on them."""
+HEARTBEAT_S = 5 * HEALTH_S
+"""Silence from which on a process counts as gone: five reports, as single ones are late on a busy machine."""
+ORDER_S = 2.0
+"""Age from which on nobody carries out an order of the attempt, as the page (2.5 s) has given up soon after it."""
+MOMENT_TICKS = 40
+"""Ticks between two moments: 25 a second, as many pictures as a film has; to send every tick twice would cost as much
+again."""
+_MOTION = 5 * TICK_S  # what moves the hand is stale after so long, as the servo holds a model no longer than 5 ms
 
 
 def _state(name: str, readers: str, observers: str, body: type[msgspec.Struct], version: int) -> Topic:
     """Return a 1 kHz state topic: others compute with it, so that every number must be one."""
     return Topic(
         name, name.split(".")[0], tuple(readers.split()), tuple(observers.split()), body, version,
-        1.0 / TICK_S, "latest", _MOTION, command=True,
+        TICK_HZ, "latest", _MOTION, command=True,
     )  # fmt: skip
 
 
 def _moment(process: str, readers: str, body: type[msgspec.Struct], version: int) -> Topic:
     """Return the topic of a loop's moments, which are sent in simulated time only, see `services.runtime.tick_grid`."""
     return Topic(
-        f"{process}.moment", process, tuple(readers.split()), (), body, version, 25.0, "every", 0.5, command=True
+        f"{process}.moment",
+        process,
+        tuple(readers.split()),
+        (),
+        body,
+        version,
+        TICK_HZ / MOMENT_TICKS,
+        "every",
+        HEARTBEAT_S,
+        command=True,
     )
 
 
 def _health(process: str) -> Topic:
     reader = "recorder" if process == "supervisor" else "supervisor"
-    return Topic(f"{process}.health", process, (reader,), (), health.Health, 1, 10.0, "latest", 0.5)
+    return Topic(f"{process}.health", process, (reader,), (), health.Health, 1, 1.0 / HEALTH_S, "latest", HEARTBEAT_S)
 
 
 def _journal(process: str) -> Topic:
     """Return a topic that says what a loop took in: for recordings, which need all of it."""
-    return Topic(f"{process}.journal", process, ("recorder",), (), journal.Journal, 1, 10.0, "every", 0.5)
+    return Topic(
+        f"{process}.journal", process, ("recorder",), (), journal.Journal, 1, 1.0 / HEALTH_S, "every", HEARTBEAT_S
+    )
 
 
 _OBEYING = ("physics", "gateway", "visualization", "recorder", "training")
@@ -98,14 +121,23 @@ _ROWS = (
         (),
         training.Attempt,
         1,
-        10.0,
+        1.0 / HEALTH_S,
         "latest",
         1.0,
         command=True,
     ),
     *(_health(process) for process in PROCESSES),
     Topic(
-        "supervisor.state", "supervisor", _OBEYING, (), supervisor.SupervisorState, 1, 10.0, "every", 0.5, command=True
+        "supervisor.state",
+        "supervisor",
+        _OBEYING,
+        (),
+        supervisor.SupervisorState,
+        1,
+        1.0 / HEALTH_S,
+        "every",
+        HEARTBEAT_S,
+        command=True,
     ),
     *(_journal(process) for process in ("haptics", "physics")),
 )

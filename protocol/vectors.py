@@ -10,4 +10,4 @@ Mat3 = tuple[float, float, float, float, float, float, float, float, float]
 
 ZERO3: Vec3 = (0.0, 0.0, 0.0)
 ZERO9: Mat3 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-IDENTITY_QUAT: Quat = (1.0, 0.0, 0.0, 0.0)
+IDENTITY_QUAT: Quat = (1.0, 0.0, 0.0, 0.0)  # w first: no rotation, as the cosine of 0 is 1

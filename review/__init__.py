@@ -1,1 +1,1 @@
-"""What people do with what a rig recorded: judge attempts, report, keep them, export and film, watch a class."""
+"""Work on what a rig recorded: people judge attempts, report on them, keep, export and film them, and watch a class."""

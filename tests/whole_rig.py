@@ -124,7 +124,7 @@ class WholeRig:
         contacts = self._physics_bus.latest("haptics.contacts")
         assert contacts is not None
         self.physics.advance(contacts, self._clock.steps(contacts.body.tick))
-        self.physics.settle()
+        self.physics.do_side_work()
         self.gateway.serve(due_ns + TICK_NS)
         said, solved = (self._listener.latest(name) for name in ("gateway.state", "physics.state"))
         assert said is not None

@@ -1,4 +1,4 @@
-"""What to practise next, in a sentence: the costliest errors first, then what is farthest from the experts."""
+"""Advises in a sentence what to practise next: the costliest errors first, then what is farthest from the experts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from trocar.services.training.errors import ERRORS
 from trocar.services.training.scenario import ErrorCode
 from trocar.services.training.score import Band, ScoreRules
 
-_MOST = 3
+_MOST = 3  # assumption: nobody works on more at once
 _NAMES = {
     "time_s": "time",
     "path_m": "path",

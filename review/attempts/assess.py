@@ -11,14 +11,13 @@ import numpy as np
 
 from trocar.protocol.bodies import GatewayState, PhysicsState, SupervisorState
 from trocar.protocol.bodies.training import Attempt
-from trocar.protocol.topics import TICK_S
+from trocar.protocol.topics import MOMENT_TICKS, TICK_S
 from trocar.review.attempts.assessment import FAULTS_ABOVE, Assessment, RigQuality, series_of
 from trocar.review.attempts.experts import counts_of
 from trocar.review.attempts.faults import FaultLog
 from trocar.review.attempts.metrics import TISSUE_LIMITS, metrics_of
 from trocar.review.attempts.trace import Trace
 from trocar.services.runtime.errors import UserError
-from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
 from trocar.services.training.judge import Judge
 from trocar.services.training.scenario import Scenario
 from trocar.services.training.score import Band, ScoreRules, score_of
@@ -31,11 +30,12 @@ VERSION = "1"
 """Of what is measured: it changes where the same recording would be judged otherwise."""
 #: Physics is recorded at 25 Hz at least; with longer gaps something may have happened unseen.
 _LARGEST_GAP_S = 0.5
-_LONGEST_S = 86_400.0
+_LONGEST_S = 86_400.0  # a day: no attempt lasts as long, so that its times are no times
 _LATE = ("degraded", "safe_stop")
-#: A recording begins some moments before the first word of `training.attempt`: they are no attempt.
+#: A recording begins some moments before the first word of `training.attempt`, ten a second: they are no attempt. Five
+#: seconds are an assumption.
 _HEAD_S = 5.0
-#: For so long an attempt may have gone on before it is told of.
+#: For so long an attempt may have gone on before it is told of: twice as long as its last report counts as fresh.
 _BEFORE_NS = 2_000_000_000
 
 
@@ -78,7 +78,7 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
         elif running is None and not told and isinstance(body, GatewayState):
             running = _Running(terms, source, (time_ns, 0), None)
         if running is not None:
-            running.take(topic, time_ns, body)
+            running.take_frame(topic, time_ns, body)
     if running is not None:
         yield running.end(None)
 
@@ -106,7 +106,7 @@ class _Running:
         if self._told is not None and self._told.from_tick >= 0:
             self._waiting += [each for each in messages if getattr(each[2], "tick", -1) >= self._told.from_tick]
 
-    def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
+    def take_frame(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
         """Take a frame of any topic; those of the loops wait until it is told that they are judged."""
         if isinstance(body, Attempt):
             self._told = body
@@ -131,16 +131,16 @@ class _Running:
     def _judge_frame(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
         if isinstance(body, GatewayState):
             if self._told is not None and self._told.simulated_time:  # no tick is lost, and moments tell the motion
-                if body.tick % EVERY_TICKS == 0:
+                if body.tick % MOMENT_TICKS == 0:
                     self._trace.take_devices(body)
             else:
                 self._rig.take_devices(body)
                 self._trace.take_devices(body)
         elif isinstance(body, PhysicsState):
             self._rig.take_physics(body)
-        situation = self._judge.take(topic, time_ns, body)
+        situation = self._judge.take_frame(topic, time_ns, body)
         if situation is not None:
-            self._trace.take(situation, self._judge.procedure)
+            self._trace.take_situation(situation, self._judge.procedure)
 
     def end(self, told: Attempt | None) -> Assessment:
         """Return what is known; `told` is the word that ended it, None where the stream did."""
@@ -230,7 +230,7 @@ class _RigWatch:
         self._level = max(self._level, body.quality_level)
         is_stopped = body.state == "safe_stop" or (body.safe_stop and body.state != "off")
         is_at_fault = is_stopped or (is_felt and body.state in _LATE)
-        self._faults.take((body.reason or body.state) if is_at_fault else "")
+        self._faults.take_sentence((body.reason or body.state) if is_at_fault else "")
 
     def take_devices(self, body: GatewayState) -> None:
         if self._last_tick is not None and body.tick > self._last_tick:

@@ -12,10 +12,10 @@ from trocar.services.training.errors import ErrorEvent
 from trocar.services.training.procedure import Span
 from trocar.services.training.score import Score
 
-_SERIES_HZ = 10.0
-_DIGITS = 6
+_SERIES_HZ = 10.0  # as many points as a figure of 900 pixels can show of 90 s
+_DIGITS = 6  # micrometres of a metre: finer than anything that was measured
 FAULTS_ABOVE = 3
-"""How many faults of the rig `Assessment.why_not` names; `RigQuality.faults` has them all."""
+"""How many faults of the rig `Assessment.why_not` names, so that it stays a sentence; `RigQuality.faults` has all."""
 
 
 class RigQuality(msgspec.Struct, frozen=True, kw_only=True):

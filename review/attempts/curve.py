@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from trocar.review.attempts.motion import Values
 from trocar.services.training.score import CusumRates
 
-_FEWEST = 5
+_FEWEST = 5  # two more than the numbers of the curve, as each has an error, too
 
 
 class Cusum(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,4 +1,4 @@
-"""What the supervisor says of a late rig, each thing once: sentences that differ only in numbers are one."""
+"""Keeps the supervisor's sentences about a late rig, each once: sentences that differ only in numbers are one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class FaultLog:
         self._last = ""
         self._said: dict[str, list[Sequence[str]]] = {}
 
-    def take(self, sentence: str) -> None:
+    def take_sentence(self, sentence: str) -> None:
         """Take what is said now; empty if nothing is."""
         if sentence and sentence != self._last:
             owner, colon, rest = sentence.rpartition(": ")

@@ -10,10 +10,12 @@ from trocar.review.attempts.assessment import Assessment
 from trocar.services.training.errors import ERRORS, ErrorEvent
 from trocar.services.training.procedure import PHASES
 
+# Pixels of a figure, so that a page of A4 or a screen has room for it; margins hold the numbers beside the axes:
 WIDTH, NARROW, LEFT, RIGHT = 900.0, 420.0, 56.0, 12.0
 TOP, HEIGHT, BOTTOM = 12.0, 190.0, 24.0
+
 LEAD_S = 3.0
-"""A replay begins so long before an error."""
+"""A replay begins so long before an error: an assumption of what a person needs to see how it came."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from trocar.services.training.situation import TISSUES
 DEFAULT_PAGE = "http://localhost:8080/"
 #: Named parts of a performance, which an instructor judges; GOALS, Vassiliou 2005, PMID 15972181.
 GOALS = ("Depth perception", "Bimanual dexterity", "Efficiency", "Tissue handling", "Autonomy")
-_LAST = 5
+_LAST = 5  # earlier attempts, so that their table fits the one page
 
 
 class Past(msgspec.Struct, frozen=True, kw_only=True):

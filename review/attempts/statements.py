@@ -26,9 +26,10 @@ _NAMESPACE = uuid.UUID("6f1f63a4-0c53-4bb0-9a67-2a1f6f9d7f0e")
 _VERBS = "http://adlnet.gov/expapi/verbs/"
 _SIMULATION = "http://adlnet.gov/expapi/activities/simulation"
 _VERB_OF = {"success": "passed", "failure": "failed"}
-#: Statements in one request, and pauses before what failed is tried again, s.
+#: Statements in one request, and pauses before what failed is tried again, s: each about four times as long as the one
+#: before, as a busy store is only held up by more questions.
 BATCH, PAUSES_S = 50, (1.0, 5.0, 20.0)
-_PATIENCE_S = 30.0
+_PATIENCE_S = 30.0  # longer than a store takes for a request, so that nothing is sent twice
 _REFUSALS = range(400, 500)
 #: Answers by which a store says that it is busy.
 _BUSY = 408, 429

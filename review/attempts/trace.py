@@ -1,4 +1,4 @@
-"""What an attempt looked like over time: kept as it happens, measured at its end."""
+"""Keeps the course of an attempt as it happens, and measures it at its end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trocar.review.attempts.motion import Values
 from trocar.services.training.procedure import PHASES, Procedure
 from trocar.services.training.situation import EVERY_TICKS, TISSUES, Situation
 
-HANDS = 2
+HANDS = 2  # more have no columns: a scene for training has at most two tools
 _PHASE_NUMBERS = {phase: number for number, phase in enumerate(PHASES)}
 _WIDTH = 6 + len(TISSUES) + HANDS
 _HAND = 6
@@ -27,7 +27,7 @@ class Trace:
         self.names: list[str] = []
         self.has_force = True
 
-    def take(self, s: Situation, p: Procedure) -> None:
+    def take_situation(self, s: Situation, p: Procedure) -> None:
         """Add a situation that the procedure has taken."""
         self._rows.extend((p.time_s, _PHASE_NUMBERS[p.phase], s.inserted_m, *s.tip_m, *s.tissue_n))
         loads = [hand.load_n for hand in s.hands[:HANDS]]

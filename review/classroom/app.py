@@ -52,14 +52,14 @@ class Classroom:
         self._scores = Scores(lambda: self.roll)
         self.desk = Desk(file.with_suffix(".journal"))
         self.school = Bench(self.roll.database, journal=file.with_suffix(".school.journal"))
-        self._follow()
+        self._follow_rigs()
 
     @property
     def watches(self) -> list[Watch]:
         """What follows the rigs, in the order of the file."""
         return list(self._watches.values())
 
-    def _follow(self) -> None:
+    def _follow_rigs(self) -> None:
         """Follow the rigs that the file names, and no others."""
         self._changed_ns = self._written_ns()
         for place in self._watches.keys() - set(self.roll.rig):
@@ -84,8 +84,8 @@ class Classroom:
             return
         try:
             self.roll = load_roll(self._file)
-            self._follow()
-            self._scores.ask()
+            self._follow_rigs()
+            self._scores.ask_store()
             self._file_remark = ""
         except UserError as error:
             self._changed_ns = written_ns

@@ -18,9 +18,9 @@ from trocar.review.journal import Journal
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.web.web_client import open_connection
 
-_PATIENCE_S, _BEFORE_S = 6.0, 3.0
-_ANSWER_BYTES = 1 << 16
-_AT_ONCE = 16
+_PATIENCE_S, _BEFORE_S = 6.0, 3.0  # a rig answers within 2.5 s; a network and its page have as long again
+_ANSWER_BYTES = 1 << 16  # far longer than any sentence, as it may be endless
+_AT_ONCE = 16  # a class, so that all rigs are stopped at the same moment
 What = Literal["order", "scenario", "arm", "safe_stop", "course", "message", "enter"]
 
 

@@ -9,7 +9,7 @@ from trocar.review.attempts.store.attempts import Store
 from trocar.review.classroom.roll import Roll
 from trocar.services.runtime.errors import UserError
 
-EVERY_S = 30.0
+EVERY_S = 30.0  # an attempt takes minutes; the database is elsewhere, and every desk asks it
 
 
 class Scores:
@@ -34,7 +34,7 @@ class Scores:
         """Return the last score of a trainee that is known."""
         return self._totals.get(trainee)
 
-    def ask(self) -> None:
+    def ask_store(self) -> None:
         """Ask at once, as the class has changed."""
         self._due.set()
 

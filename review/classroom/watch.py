@@ -17,13 +17,13 @@ from trocar.review.classroom.roll import ClassRig
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.web.web_client import open_connection
 
-PERIOD_S = 1.0
+PERIOD_S = 1.0  # an instructor looks at a class, not at one rig; each look takes a page 10 kB
 #: A page that has not answered for so long is shown as silent: what is known of the rig is old.
 SILENT_S = 5.0
-_PATIENCE_S = 4.0
-_STATE_BYTES = 1 << 20
-_PICTURE_BYTES = 8 << 20
-_PICTURE_S = 40.0
+_PATIENCE_S = 4.0  # less than `SILENT_S`, so that a rig that hangs is shown as silent at once
+_STATE_BYTES = 1 << 20  # a hundred times a state, as it may be endless
+_PICTURE_BYTES = 8 << 20  # an uncompressed picture of 1920 by 1080 pixels has 6 MB
+_PICTURE_S = 40.0  # the rig's renderer may have to start first, which takes up to 30 s
 _PNG = b"\x89PNG"
 #: A view's own scheme, and that of its pictures.
 _SCHEMES = {"ws": "http", "wss": "https"}

@@ -125,14 +125,14 @@ def run_erase(database: str | None, trainee: str, recordings: bool, yes: bool, a
     """
     with reading(database) as store:
         if not yes:
-            _ask(store.plan_erasure(trainee), recordings)
+            _ask_person(store.plan_erasure(trainee), recordings)
         if recordings:
             _say_erased(store.erase_with_recordings(trainee), as_json)
         else:
             _say_forgotten(trainee, store.erase(trainee), as_json)
 
 
-def _ask(plan: Plan, recordings: bool) -> None:
+def _ask_person(plan: Plan, recordings: bool) -> None:
     """Say what would go, and ask. Raises StoreError if nobody is there to answer, or the answer is no."""
     if not sys.stdin.isatty():
         raise StoreError(f"erasing {plan.trainee} cannot be undone, and nobody is here to be asked: --yes goes on")

@@ -27,8 +27,8 @@ from trocar.services.supervisor.page.page_link import Link, PageSetup
 from trocar.services.supervisor.page.school import socket_path
 from trocar.services.training.site import Site, find_site
 
-_LOOK_S = 0.2
-_NICE = 5
+_LOOK_S = 0.2  # a rig that ends waits for it up to five seconds
+_NICE = 5  # as the window's: after the rig, but not after everything else on the machine
 _log = logging.getLogger("school")
 
 
@@ -68,7 +68,7 @@ def main(descriptor: int) -> int:
     sock.bind(str(path))
     path.chmod(0o600)
     sock.listen(16)
-    listener = Listener(rig, bench.terms(), bench.take)
+    listener = Listener(rig, bench.terms(), bench.take_assessment)
     settings = Settings(ConfigurationFiles(), Host(rig, setup.asked, setup.scene, folder_of(None)))
     config = uvicorn.Config(
         build_app(bench, settings), log_level="warning", access_log=False, lifespan="off", ws="none"

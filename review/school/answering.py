@@ -1,4 +1,4 @@
-"""How the school answers: what a page asks for is decoded, and what a person can mend is a sentence."""
+"""Decodes what a page asks of the school, and answers; a sentence tells a person what can be mended."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trocar.services.runtime.errors import UserError
 
 #: Set by the page's server: who asks.
 ROLE = "x-trocar-role"
-_WORDS_BYTES = 1 << 18
+_WORDS_BYTES = 1 << 18  # far more than any form or file of settings has, as it may be endless
 Handler = Callable[[Request], Awaitable[Response]]
 
 

@@ -17,9 +17,9 @@ from trocar.review.school.reports import SCALES
 from trocar.review.school.settings_routes import Settings, settings_routes
 from trocar.services.runtime.errors import UserError
 
-_PICTURE_BYTES = 1 << 20
+_PICTURE_BYTES = 1 << 20  # more than a page's picture as JPEG, as it may be endless
 _KINDS = {"csv": "text/csv", "json": "application/json", "xapi": "application/json"}
-#: That a database can have given to an attempt.
+#: That a database can have given to an attempt, as its numbers have 64 bits.
 _LARGEST_NUMBER = 2**63 - 1
 
 

@@ -29,7 +29,7 @@ from trocar.services.training.score import Band, ScoreRules, load_rules
 from trocar.services.training.site import Site
 
 GUEST = "guest"
-#: For so long after a look pictures are sent, and a picture is shown.
+#: For so long after a look pictures are sent, and a picture is shown, as one look that is late is not to stop them.
 _LOOKED_S = 5.0
 _BIRDS = ("heron", "finch", "crane", "robin", "swift", "heath", "otter", "lynx", "raven", "plover", "tern", "wren")
 _COURSE, _PIN, _EXPERT = "course", "pin", "expert"
@@ -92,7 +92,7 @@ class Bench:
     def _say(self, sentence: str) -> None:
         self.remark = sentence
 
-    def take(self, found: Assessment, recording: Path | None) -> None:
+    def take_assessment(self, found: Assessment, recording: Path | None) -> None:
         """Keep an attempt that has ended, under who trains; what is abandoned or cut off is not kept."""
         if found.outcome not in ("success", "failure") or not (self.trainee or self._keeps_guests):
             return

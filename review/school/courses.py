@@ -18,7 +18,7 @@ from trocar.services.training.scenario import load_scenario
 from trocar.services.training.score import ScoreRules
 
 Coaching = Literal["full", "faded", "none"]
-_DAY_NS = 86_400 * 10**9
+_DAY_NS = 86_400 * 10**9  # of the world's time, as courses are judged by the same days everywhere
 
 
 class Rule(Settings):

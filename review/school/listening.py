@@ -12,6 +12,7 @@ from mcap.exceptions import McapError
 from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 
+from trocar.protocol.topics import MOMENT_TICKS, TICK_NS, TICK_S
 from trocar.review.attempts.assess import Message, Terms, assess
 from trocar.review.attempts.assessment import Assessment
 from trocar.services.runtime.bus.bus import Bus
@@ -20,9 +21,9 @@ from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.loop.tick_grid import MOMENTS, STATES, as_state
 
 _TOLD = ("training.attempt", "supervisor.state")
-_TURN_S = 0.08
-_SAMPLE_S = 0.04
-_PATIENCE_NS = 20_000_000
+_TURN_S = 2 * MOMENT_TICKS * TICK_S  # two moments
+_SAMPLE_S = MOMENT_TICKS * TICK_S  # as often as there are moments in simulated time
+_PATIENCE_NS = 20 * TICK_NS  # half a sample; the topics are sent each tick, so that nearly all come
 
 
 class Listener:

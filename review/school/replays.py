@@ -11,7 +11,7 @@ from trocar.review.attempts.store.database import default_url
 from trocar.services.files.atomic_file import atomic_file
 from trocar.services.runtime.errors import UserError
 
-MOST_BYTES = 64 << 20
+MOST_BYTES = 64 << 20  # assumption: no replay of some minutes has as much
 _NAME = re.compile(r"[0-9A-Za-z-]{1,64}")
 
 

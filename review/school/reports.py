@@ -1,4 +1,4 @@
-"""What a trainee is shown of attempts, as data: the page makes sentences of it, in its language."""
+"""Data of attempts for a trainee; the page makes sentences of them, in its language."""
 
 from __future__ import annotations
 

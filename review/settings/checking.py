@@ -7,7 +7,7 @@ import sys
 
 from trocar.services.runtime.errors import UserError
 
-_PATIENCE_S = 120.0
+_PATIENCE_S = 120.0  # assumption: the first check of a new scene makes its mesh, which takes less
 
 
 def run_check(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -1,4 +1,4 @@
-"""What an engineer looks after at a rig's host: its logs, the disk of its recordings, its devices, and a new start."""
+"""An engineer's view of a rig's host: its logs, the disk of its recordings, its devices, and a new start."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trocar.services.runtime.bus.endpoints import run_directory
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import ConfigError, UserError
 
-_TAIL_BYTES = 64 << 10
+_TAIL_BYTES = 64 << 10  # some five hundred lines, as long as a person scrolls back
 
 
 class Host:

@@ -1,4 +1,4 @@
-"""What a file's keys mean, as rows: ``python -m trocar.review.settings.rows KIND FILE`` checks it and writes them.
+"""Rows that say what a file's keys mean: ``python -m trocar.review.settings.rows KIND FILE`` checks it and writes them.
 
 It is a process of its own: what a scene is checked against takes a second and 100 MB to import.
 """

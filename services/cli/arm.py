@@ -9,16 +9,18 @@ import urllib.error
 import urllib.request
 from typing import Any, NamedTuple
 
+from trocar.protocol.topics import HEARTBEAT_S
 from trocar.services.runtime.config import config
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import BusError, UserError
 from trocar.services.runtime.private_directory import open_text
 from trocar.services.runtime.web.web_client import open_url
 from trocar.services.supervisor.control.commands import Command, What
-from trocar.services.supervisor.page.command_socket import ask
+from trocar.services.supervisor.page.command_socket import ANSWER_S, ask_rig
 from trocar.services.supervisor.page.page_place import page_file
 
-PATIENCE_S = 3.0
+#: Longer by a heartbeat than the supervisor of this host may take, as a page elsewhere is reached over a network.
+PATIENCE_S = ANSWER_S + HEARTBEAT_S
 WHO = "the command line"
 
 
@@ -49,7 +51,7 @@ def run_command(
 
 def print_answer(rig: Rig, command: Command) -> None:
     """Send a command to the rig on this host and print what came of it; raises as `run_command` does."""
-    answer = ask(rig.transport, command, PATIENCE_S)
+    answer = ask_rig(rig.transport, command, PATIENCE_S)
     if not answer.ok:
         raise UserError(answer.text)
     print(answer.text)

@@ -1,4 +1,4 @@
-"""What a rig is called with, checked as far as no device and no eigenvalue is needed; the option at fault is named.
+"""Checks a rig's options as far as that needs no device and no eigenvalue; a message names the option at fault.
 
 ``python -m trocar.services.cli.check_options OPTIONS`` is the check alone, of rig, scene and overrides as a list in
 JSON.

@@ -6,9 +6,8 @@ import json
 from dataclasses import asdict
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
+from trocar.services.cli.value_table import Row, value_table
 from trocar.services.mechanics.scene.cystic_duct import COURSES, RANGES, CysticDuctScene, drawn_cystic_duct
 
 
@@ -19,14 +18,9 @@ def run_cystic_duct(seed: int | None, as_json: bool) -> None:
         ranges = {name: asdict(quantity) for name, quantity in RANGES.items()}
         print(json.dumps({"drawn": asdict(drawn), "ranges": ranges, "courses": COURSES}, indent=1))
         return
-    table = Table(box=None, pad_edge=False)
-    for title in ("quantity", "drawn" if seed is not None else "usual", "from", "to", "source"):
-        table.add_column(title, overflow="fold", no_wrap=title == "quantity")
-    for name, quantity in RANGES.items():
-        numbers = (f"{number:.4g}" for number in (getattr(drawn, name), quantity.low, quantity.high))
-        table.add_row(name, *numbers, escape(quantity.source))
+    rows = (Row(name, getattr(drawn, name), each.low, each.high, each.source) for name, each in RANGES.items())
     console = Console(highlight=False)
-    console.print(table)
+    console.print(value_table("quantity", rows, "drawn" if seed is not None else "usual"))
     shares = ", ".join(f"{course} {100 * share:g} %" for course, share in COURSES.items())
     console.print(f"course: {drawn.course} ({shares})")
     console.print("A scene takes it with duct.cystic; what it says itself goes before.")

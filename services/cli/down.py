@@ -19,11 +19,13 @@ from trocar.services.runtime.config.rig import Rig, Transport
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.measures.flight import remove_rings
 from trocar.services.supervisor import frozen_configuration
+from trocar.services.supervisor.crew.crew import END_S
 from trocar.services.supervisor.page.command_socket import control_path
 from trocar.services.supervisor.page.page_place import page_file
 
-_SUPERVISOR_S = 15.0  # it ends five processes, each of which may take five seconds
-_END_S = 5.0
+_SUPERVISOR_S = (
+    3 * END_S
+)  # it ends the loops at once, then the gateway, then its helpers, which take `END_S` at most each
 
 
 def run_down(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None:
@@ -44,15 +46,15 @@ def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
     supervisor = {name: pid for name, pid in found.items() if name == "supervisor"}
     _end(supervisor, _SUPERVISOR_S)
     left = lock_holders(rig.transport)
-    _end({name: pid for name, pid in left.items() if name != "gateway"}, _END_S)
-    _end({name: pid for name, pid in left.items() if name == "gateway"}, _END_S)
+    _end({name: pid for name, pid in left.items() if name != "gateway"}, END_S)
+    _end({name: pid for name, pid in left.items() if name == "gateway"}, END_S)
     _remove_files(rig.transport)
     return list(found)
 
 
 def _remove_files(transport: Transport) -> None:
     """Remove what a supervisor that is killed, or attached, leaves; raise UserError if the rig is still alive."""
-    deadline = time.monotonic() + _END_S
+    deadline = time.monotonic() + END_S
     while (alive := lock_holders(transport)) and time.monotonic() < deadline:
         time.sleep(0.02)  # the kernel has not ended who was killed
     if alive:

@@ -14,7 +14,7 @@ from types import FrameType
 from typing import Any
 
 from trocar.protocol import TOPICS, Frame
-from trocar.protocol.topics import observed_by, read_by
+from trocar.protocol.topics import HEARTBEAT_S, observed_by, read_by
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.recorder.picture import PictureRecorder
@@ -31,10 +31,11 @@ from trocar.services.scenes import load_duct, load_scene
 
 #: How long a turn waits for a frame: longer than the period of sampled topics.
 _PATIENCE_NS = 4_000_000
-#: Above this rate a topic is sampled.
+#: Above this rate a topic is sampled, as no viewer draws more pictures a second. The loops' topics have 1 kHz, others
+#: up to 60 Hz.
 _FAST_HZ = 100.0
-#: How long the rig may be silent at first.
-_SILENT_S = 5.0
+#: How long the rig may be silent at first: ten heartbeats, as one that only begins to run is silent for some seconds.
+_SILENT_S = 10 * HEARTBEAT_S
 #: Messages that wait for a slow viewer; the oldest are dropped for it, and for nobody else.
 _BACKLOG = 256
 

@@ -38,6 +38,7 @@ _EXTRAS = {
     "record": ("mcap", "mcap_protobuf"),
     "mesh": ("trimesh", "meshio"),
 }
+#: That is a recording of forty minutes, which takes 25 MB a minute (benchmarks/results/recorder.md).
 _FREE_BYTES = 1 << 30
 #: Where it is told how to get what is missing, under a heading of its own.
 _PAGE = "docs/how-to/deployment.md"

@@ -22,9 +22,9 @@ HELP = (
     "Enter: halt or go on; s, b: a step on or back; +5, -5: seconds ahead or back; @12: to that second; "
     "x0.5: that rate; l: again and again, or once"
 )
-#: Every topic has told how it stands within so long.
+#: Every topic has told how it stands within so long, as the slowest comes ten times a second.
 _BEFORE_S = 1.0
-_MOST_RATE = 100.0
+_MOST_RATE = 100.0  # an hour takes half a minute; nothing could be seen of one that is shown faster
 
 
 class PicturePlayer:
@@ -46,22 +46,22 @@ class PicturePlayer:
             raise RecordingError(f"{path}: holds nothing to show")
         self._first_ns = first.time_ns
         self.length_s = (last_ns(path, TOPICS) - first.time_ns) * 1e-9
-        self._begin(0.0)
+        self._begin_reading(0.0)
 
-    def _begin(self, place_s: float) -> None:
+    def _begin_reading(self, place_s: float) -> None:
         """Read from a little before a place on."""
         from_ns = self._first_ns + round(max(0.0, place_s - _BEFORE_S) * 1e9)
         self._frames = read_frames(self._path, _READ, from_ns)
         self._next: RecordedFrame | None = next(self._frames, None)
         self._shown: dict[str, RecordedFrame] = {}
 
-    def turn(self) -> bool:
+    def publish_due_frames(self) -> bool:
         """Publish what is due; return whether the end that was asked for is reached."""
         now_ns = time.monotonic_ns()
         if not self.halted:
             self.place_s = min(self.place_s + self.rate * (now_ns - self._last_ns) * 1e-9, self.length_s)
         self._last_ns = now_ns
-        self._take()
+        self._take_due_frames()
         is_over = self.place_s >= min(self._until_s, self.length_s)
         if is_over and self._loop and not self.halted:
             self.seek(0.0)
@@ -74,9 +74,9 @@ class PicturePlayer:
         """Go to a second of the recording."""
         place_s = min(max(0.0, place_s), self.length_s)
         if not self.place_s <= place_s <= self.place_s + _BEFORE_S:
-            self._begin(place_s)
+            self._begin_reading(place_s)
         self.place_s = place_s
-        self._take()
+        self._take_due_frames()
 
     def step(self) -> None:
         """Halt, and show the next state of physics."""
@@ -84,7 +84,7 @@ class PicturePlayer:
         before = self._shown.get("physics.state")
         while self._next is not None and self._shown.get("physics.state") is before:
             self.place_s = self._place_of(self._next)
-            self._take()
+            self._take_due_frames()
 
     def step_back(self) -> None:
         """Halt, and show the state of physics before the one that is shown."""
@@ -121,7 +121,7 @@ class PicturePlayer:
     def _place_of(self, frame: RecordedFrame) -> float:
         return (frame.time_ns - self._first_ns) * 1e-9
 
-    def _take(self) -> None:
+    def _take_due_frames(self) -> None:
         while self._next is not None and self._place_of(self._next) <= self.place_s:
             self._shown[self._next.frame.topic] = self._next
             self._next = next(self._frames, None)
@@ -149,6 +149,6 @@ def shown_by(open_player: Callable[[], PicturePlayer]) -> Callable[[Supervisor],
         supervisor.shown = player
         if sys.stdin.isatty() and select.select([sys.stdin], [], [], 0.0)[0]:
             player.obey(sys.stdin.readline().strip())
-        return player.turn()
+        return player.publish_due_frames()
 
     return turn

@@ -1,4 +1,4 @@
-"""Whether the kernel takes a core from what it does itself for an ordinary process, when a loop is to run.
+"""Checks whether a loop that is to run interrupts the kernel while it works for an ordinary process.
 
 A kernel without preemption ends the system call first: a process of the machine that made one of 1.4 ms a second was
 behind two thirds of the moments in which a rig missed ticks, whatever the loops' priority

@@ -13,7 +13,7 @@ from trocar.services.cli.host_checks import CheckResult, Verdict, finding
 from trocar.services.start.off_screen import draw_off_screen
 
 _PACKAGES = {"OpenGL": "libopengl0", "GL": "libgl1", "EGL": "libegl1", "Xrender": "libxrender1"}
-_RENDER_S = 40.0
+_RENDER_S = 40.0  # assumption: importing VTK from a slow disk, and a picture drawn in software, take less
 
 _RENDER = """
 import pyvista, numpy

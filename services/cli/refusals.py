@@ -1,4 +1,4 @@
-"""What a person can mend, said in one sentence with an exit code; all else is a fault of ours and a traceback."""
+"""Errors that a person can mend end in one sentence and an exit code; any other, a fault of ours, in a traceback."""
 
 from __future__ import annotations
 

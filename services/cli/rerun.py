@@ -16,6 +16,7 @@ from trocar.protocol.arrays import Array
 from trocar.protocol.bodies import PhysicsState, ToolContacts
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics import __main__ as haptics
+from trocar.services.haptics.replaying import STATES_KEPT
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.physics import __main__ as physics
@@ -25,8 +26,6 @@ from trocar.services.recordings.inputs import Intake, RecordedInputs
 from trocar.services.runtime.loop.loop import LoopMeter
 from trocar.services.runtime.process.process import Process
 from trocar.services.scenes import load_duct, load_scene
-
-_KEPT = 64  # states that haptics may still be about to see
 
 
 class Rerun:
@@ -64,11 +63,11 @@ class Rerun:
         said.clear()
         self._physics.obey(intake.level)
         self._physics.advance(contacts, intake.ticks)
-        self._physics.settle()
+        self._physics.do_side_work()
         state = said.get("physics.state")
         if state is not None:
             self._states[intake.tick] = state
-            while len(self._states) > _KEPT:
+            while len(self._states) > STATES_KEPT:
                 del self._states[next(iter(self._states))]
         return state
 

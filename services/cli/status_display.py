@@ -76,7 +76,7 @@ class StatusDisplay:
         if shown:
             self._console.print(f"{event.t:7.2f} s  {event.text}", style=_STYLES.get(event.level), markup=False)
 
-    def turn(self, supervisor: Supervisor) -> None:
+    def show_state(self, supervisor: Supervisor) -> None:
         """Follow the rig."""
         if self._shown:
             self._show_progress(supervisor)

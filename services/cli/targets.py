@@ -1,4 +1,4 @@
-"""Where a verb writes what it found: looked at before it begins, and what cannot be written is one sentence."""
+"""Checks the place of a verb's results before the verb begins; one sentence says if nothing can be written there."""
 
 from __future__ import annotations
 

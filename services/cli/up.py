@@ -57,13 +57,13 @@ class Run:
         self.begins_again = False
         self.port = 0
 
-    def turn(self, supervisor: Supervisor, now_s: float) -> bool:
+    def follow_rig(self, supervisor: Supervisor, now_s: float) -> bool:
         """Take a turn; return whether the session is over."""
         if self.report is None:
             self.report = run_report.RunReport(supervisor)
             self.port = urlsplit(supervisor.page_address).port or 0
-        self.report.turn(now_s)
-        self._display.turn(supervisor)
+        self.report.watch_run(now_s)
+        self._display.show_state(supervisor)
         self.next_scenario, self.next_moment = supervisor.next_scenario, supervisor.next_moment
         self.begins_again = supervisor.begins_again or bool(self.next_scenario)
         request = self._request
@@ -82,7 +82,7 @@ def run_up(request: UpRequest, fork_server: ForkServer) -> None:
     targets.look_at_file("--json", request.json_file)
     options, token, remarks = request.options(), secrets.token_urlsafe(16), tuple(filter(None, [build.build_fault()]))
     while (run := _run_session(request, options, token, remarks, fork_server)).begins_again:
-        fork_server.begin()
+        fork_server.begin_server()
         name = run.next_scenario
         other = replace(request, scene=None, scenario=name) if name else request
         what = f"scenario {name}" if name else "the moment" if run.next_moment else "the rig"
@@ -103,7 +103,7 @@ def _run_session(
     display = StatusDisplay()
     run = Run(request, display)
     asked = session.SessionOptions(
-        options, on_event=display.event, on_turn=run.turn, remarks=remarks, fork_server=fork_server,
+        options, on_event=display.event, on_turn=run.follow_rig, remarks=remarks, fork_server=fork_server,
         switches=request.ends_when is None and process.rig.supervisor.mode == "launch", token=token,
     )  # fmt: skip
     try:

@@ -19,7 +19,7 @@ from trocar.services.files.cache_directory import cache_directory, make_folders
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError, UserError
 
-_REMEMBERED = 100
+_REMEMBERED = 100  # of 64 characters each: more than a person uses by turns; what is forgotten is checked again
 
 
 class RefusedError(UserError):

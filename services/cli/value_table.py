@@ -1,4 +1,4 @@
-"""The table of values with their ranges and sources, of `trocar tissues` and `trocar catheters`."""
+"""The table of values with their ranges and sources, of `trocar tissues`, `catheters` and `cystic-duct`."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Row(NamedTuple):
     source: str
 
 
-def value_table(title: str, rows: Iterable[Row]) -> Table:
-    """Return a table whose first column has a title."""
+def value_table(title: str, rows: Iterable[Row], of_values: str = "is") -> Table:
+    """Return a table whose first column has a title, and that of the values another."""
     table = Table(box=None, pad_edge=False)
-    for column in (title, "is", "from", "to", "source"):
+    for column in (title, of_values, "from", "to", "source"):
         table.add_column(column, overflow="fold", no_wrap=column == title)
     for row in rows:
         numbers = (f"{number:g}" for number in (row.value, row.low, row.high))

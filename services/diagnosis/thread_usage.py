@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from trocar.services.runtime.measures.flights import ThreadTime
 
-_PERIOD_S = 1.0
+_PERIOD_S = 1.0  # as rates are told by the second
 _GONE = (FileNotFoundError, ProcessLookupError, PermissionError, ValueError, IndexError)
 
 

@@ -32,7 +32,7 @@ from trocar.services.foreign_files.packets import (
 _SERVER = "trocar.services.foreign_files.server"
 #: What follows a packet's first byte at most; what a server may take to import what it needs, on a busy machine.
 _RECEIVE_MAX, _START_S = PACKET_MAX + 1, 60.0
-_END_S = 5.0
+_END_S = 5.0  # as a rig's processes have
 
 OnEnd = Callable[[Ended], None]
 

@@ -11,8 +11,9 @@ import socket
 
 import msgspec
 
-REQUEST_MAX = 1 << 16
-PACKET_MAX = 1 << 16
+#: Bytes of one packet: a third of what a Unix socket of Linux takes by default. A request is one packet, an answer
+#: many.
+REQUEST_MAX = PACKET_MAX = 1 << 16
 #: First byte of a packet: a part of a message, its last part, a refusal, how the reader ended.
 PART, LAST, REFUSED, ENDED = b"+", b".", b"!", b"="
 

@@ -37,8 +37,8 @@ from trocar.services.foreign_files.packets import (
     send_message,
 )
 
-_TRACE_MAX = 8000
-_EXIT_REFUSED = 1
+_TRACE_MAX = 8000  # characters of a traceback's end: some fifty calls, in less than one packet
+_EXIT_REFUSED = 1  # as Python's own for an exception that nobody has caught
 
 
 def main() -> None:

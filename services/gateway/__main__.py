@@ -10,6 +10,7 @@ that are waited for to measure their latency (`TIMED_EVERY`).
 from __future__ import annotations
 
 import trocar.services.start.entry  # noqa: F401  first: the environment of a process
+from trocar.protocol.topics import MOMENT_TICKS, TICK_HZ
 
 # isort: split
 import sys
@@ -31,20 +32,22 @@ from trocar.services.runtime.config.rig import ReplaySettings
 from trocar.services.runtime.log import progress
 from trocar.services.runtime.loop.loop import LoopMeter, Tick, sleep_until, ticks
 from trocar.services.runtime.loop.simulated_speed import SpeedGovernor
-from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
 from trocar.services.runtime.process.health import LatencyPath
 from trocar.services.runtime.process.process import Process, ProcessConfig, main
 
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"
 HANDS = "visualization.hands"
-RATE_HZ = 1000.0
+RATE_HZ = TICK_HZ
 #: Rate while the rig starts and no arm bears a force, so that the loops leave time for processes that are not ready.
 #: All streams still count as fresh.
 STARTING_HZ = 250.0
 STAGES = ("take", "servo", "send")
+#: Ticks between checks of devices and processes: two in each report of this process, as nobody learns of more.
 _LOOK_ROUND_EVERY = 50
-_INVALID_LOOKS = 40  # checks in a row (two seconds) with mostly invalid models before that is reported
+#: Checks in a row, of two seconds, with mostly invalid models before that is reported, as a restart of haptics takes
+#: less.
+_INVALID_LOOKS = 40
 #: A part of a report is made this long before the handles are served, and mostly takes less. A whole report, 300 to
 #: 420 us with cold caches, would delay ten ticks a second.
 _REPORT_NS = 150_000
@@ -60,7 +63,8 @@ TIMED_EVERY = 16
 _ORDERS_EVERY = 4
 #: The same for orders of an attempt, for which only a person waits.
 _ATTEMPT_EVERY = 16
-#: Rate at which simulated time catches up with the clock.
+#: Rate at which simulated time catches up with the clock: the most that it may be behind, 50 ms, takes a fifth of a
+#: second.
 CATCH_UP_HZ = 1250.0
 #: Ticks of the loop after which an unanswered tick is sent again, as somebody may have begun anew.
 _AGAIN_EVERY = 8
@@ -112,7 +116,7 @@ class Gateway:
 
     def tick(self, tick: Tick) -> None:
         """Read, answer, write and publish; all other work comes later, as haptics waits for this core."""
-        take(self._bus, self._answers)
+        take_model(self._bus, self._answers)
         is_answered = not self._answers.is_unheard
         self._time.advance(tick.index, tick.scheduled_ns, is_answered=is_answered)
         if self._time.simulated:
@@ -135,7 +139,7 @@ class Gateway:
             withdrawn=sum(each.is_withdrawn << number for number, each in enumerate(self.instruments)),
         )
         self._bus.publish("gateway.state", state, origin_ns=sampled_ns)
-        if self._time.simulated and not self._time.stands and self._time.index % EVERY_TICKS == 0:
+        if self._time.simulated and not self._time.stands and self._time.index % MOMENT_TICKS == 0:
             self._bus.publish("gateway.moment", state, origin_ns=sampled_ns)
         self.meter.stages_ns = (
             sampled_ns - tick.started_ns, written_ns - sampled_ns, time.monotonic_ns() - written_ns
@@ -154,7 +158,7 @@ class Gateway:
         for instrument, others in self._others:
             instrument.answer_pose(now_ns, others)
 
-    def _settle(self) -> None:
+    def _settle_tick(self) -> None:
         """Account for the last tick and poll for orders, once, before its answer is used."""
         if self._unsettled is None:
             return
@@ -193,15 +197,15 @@ class Gateway:
         handles_ns = deadline_ns - _HANDLES_NS
         came_ns = 0
         if self._timed:
-            self._settle()
+            self._settle_tick()
             came_ns = notice(self._bus, self._answers, handles_ns)
         if self._look_round or self._health.is_due():
             sleep_until(handles_ns - _REPORT_NS)
-            self._settle()
+            self._settle_tick()
             self._report()
         sleep_until(handles_ns)  # leaves the core to haptics
-        self._settle()
-        take(self._bus, self._answers, came_ns)
+        self._settle_tick()
+        take_model(self._bus, self._answers, came_ns)
         began_ns = time.monotonic_ns()
         turn = None if self._time.simulated else self._turns.next(late=self._answers.outstanding)
         if turn is not None:  # one handle a tick, each of two at 500 Hz: docs/decisions/handles-take-turns.md
@@ -249,7 +253,7 @@ class Gateway:
             self.orders.line.close()
 
 
-def take(bus: Bus, answers: ModelIntake, came_ns: int = 0) -> None:
+def take_model(bus: Bus, answers: ModelIntake, came_ns: int = 0) -> None:
     """Pass the answer to the last tick to the servos, if it is new; it arrived now, or at `came_ns`."""
     frame = bus.latest(MODEL) if answers.outstanding else None
     if frame is not None:
@@ -266,7 +270,7 @@ def listen(bus: Bus, answers: ModelIntake, until_ns: int) -> None:
     for _ in range(_LOOKS):
         if not answers.outstanding or not bus.wait(MODEL, until_ns):
             return
-        take(bus, answers)
+        take_model(bus, answers)
 
 
 def let_go(instruments: list[Instrument]) -> bool:

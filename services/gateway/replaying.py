@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from trocar.protocol.topics import TICK_S
+from trocar.protocol.topics import TICK_NS, TICK_S
 from trocar.services.recordings.inputs import Intake, read_inputs
 from trocar.services.recordings.schedule import ASK_AGAIN_NS, replayed
 from trocar.services.runtime.config.rig import ReplaySettings
@@ -12,7 +12,7 @@ from trocar.services.runtime.loop.loop import LoopMeter, sleep_until
 from trocar.services.runtime.process.process import Process
 
 _MODEL = "haptics.contact_model"
-_HOLD_NS = 20_000_000
+_HOLD_NS = 20 * TICK_NS  # a fifth of the time between two reports, as nothing else is left to do
 
 
 class Replay:
@@ -54,11 +54,11 @@ class Replay:
             sleep_until(due_ns)
             self._meter.start(due_ns, time.monotonic_ns())
             self._meter.tick = intake.tick
-            self._ask(intake)
+            self._ask_haptics(intake)
             self._meter.finish(time.monotonic_ns())
-            self._settle()
+            self._do_side_work()
 
-    def _ask(self, intake: Intake) -> None:
+    def _ask_haptics(self, intake: Intake) -> None:
         """Publish a frame until haptics has answered it."""
         bus = self._process.bus
         while not self._process.stop():
@@ -68,9 +68,9 @@ class Replay:
                 model = bus.latest(_MODEL)
                 if model is not None and model.body.tick == intake.tick:
                     return
-            self._settle()
+            self._do_side_work()
 
-    def _settle(self) -> None:
+    def _do_side_work(self) -> None:
         self._process.bus.flush()
         self._process.bus.drain("supervisor.state")
         self._process.health.do_a_piece()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import trocar.services.start.entry  # noqa: F401  first: the environment of a process
+from trocar.protocol.topics import MOMENT_TICKS, TICK_HZ
 
 # isort: split
 import sys
@@ -23,8 +24,7 @@ from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.bus.journal import JournalWriter
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop.loop import LoopMeter, follow
-from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
+from trocar.services.runtime.loop.loop import LoopMeter, follow_topic
 from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.start.start_progress import StartProgress
@@ -32,7 +32,7 @@ from trocar.services.start.start_progress import StartProgress
 if TYPE_CHECKING:
     from trocar.services.haptics.replaying import ReplayedHaptics
 
-RATE_HZ = 1000.0
+RATE_HZ = TICK_HZ
 STAGES = ("model", "detect", "send")
 #: Parts of a start, with their share of the time of a first one.
 START = {"duct": 0.2, "kernels": 0.8}
@@ -78,7 +78,7 @@ class Haptics:
             self._repeat(frame)
             return
         solved, self._arrived = (self._arrived, None) if self._in_step else (self._bus.latest("physics.state"), None)
-        self._instruments.take(state.instruments)
+        self._instruments.take_states(state.instruments)
         known = self._take_reactions(solved)
         models = self._models.table(len(state.instruments), touching=known)
         model = ContactModel(tick=state.tick, ttl_s=self._ttl_s, models=models)
@@ -138,12 +138,12 @@ class Haptics:
             if self._solved is not None:
                 self.grasping.update_shapes(self._solved)
                 self._solved = None
-            hands = self.grasping.follow(self._instruments.count, state.withdrawn)
+            hands = self.grasping.follow_hands(self._instruments.count, state.withdrawn)
             held = tuple(map(hold_body, self.grasping.update()))
             self._contacts = ToolContacts(
                 tick=state.tick, tools=hands, holds=held, begins=state.begins, withdrawn=state.withdrawn
             )
-            if self._in_step and state.tick % EVERY_TICKS == 0:
+            if self._in_step and state.tick % MOMENT_TICKS == 0:
                 self._bus.publish("haptics.moment", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
         detected = time.monotonic_ns()
         self._bus.publish("haptics.contacts", self._contacts, origin_ns=frame.origin_ns, valid=frame.valid)
@@ -157,7 +157,7 @@ class Haptics:
         if solved is not None:
             self._solved = solved.body
             self._seen_tick = solved.body.tick
-            self._reactions.take(self._solved.tools)
+            self._reactions.take_table(self._solved.tools)
             self.ticks_per_step = self._solved.ticks_per_step
         if self._in_step:
             is_known = self._is_solved and self._seen_tick >= self._began_tick
@@ -168,7 +168,7 @@ class Haptics:
             self.ticks_per_step = 1
         return known
 
-    def settle(self) -> None:
+    def do_side_work(self) -> None:
         """Run background work between two ticks."""
         if not self._journal.send_if_due():
             self._health.do_a_piece()
@@ -210,7 +210,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
         process, meter, *prepared, in_step=process.rig.simulated_time
     )
     process.ready(meter)
-    for frame in follow(process.bus, "gateway.state", meter, process.stop, haptics.settle):
+    for frame in follow_topic(process.bus, "gateway.state", meter, process.stop, haptics.do_side_work):
         if frame is not None:
             haptics.answer(frame)
             process.health.change("running")

@@ -39,7 +39,7 @@ class Grasping:
         self.scene.take_duct(state.duct)
         self.scene.take_catheter(state.catheter)
 
-    def follow(self, n_tools: int, withdrawn: int = 0) -> Array:
+    def follow_hands(self, n_tools: int, withdrawn: int = 0) -> Array:
         """Move the tools to the first hands and return their table for physics; `closing` are tools that may grasp.
 
         Tools in the bit mask `withdrawn` let go of what they hold.

@@ -15,7 +15,7 @@ from trocar.services.runtime.loop.flat_view import flat_view
 # Columns: three for the HIP, three for its velocity, three for the port, and these.
 VELOCITY, PORT, ROLL, HANDLE, HANDLE_RATE, INSTRUMENT_COLUMNS = 3, 6, 9, 10, 11, 12
 _put = struct.Struct(f"<{INSTRUMENT_COLUMNS}d").pack_into
-_ROW_BYTES = 8 * INSTRUMENT_COLUMNS
+_ROW_BYTES = INSTRUMENT_COLUMNS * np.dtype(float).itemsize
 
 
 class InstrumentTable:
@@ -31,7 +31,7 @@ class InstrumentTable:
         self.count = 0
         self._most = min(n_forceps, N_TOOLS)
 
-    def take(self, instruments: tuple[InstrumentState, ...]) -> None:
+    def take_states(self, instruments: tuple[InstrumentState, ...]) -> None:
         """Copy poses and velocities of the instruments, without those beyond the scene's tools."""
         self.count = min(len(instruments), self._most)
         for row, each in enumerate(islice(instruments, self.count)):

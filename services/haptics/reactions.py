@@ -24,7 +24,7 @@ class Reactions:
         self.rows: FloatArray = self._none.copy()
         self._bytes = flat_view(self.rows).cast("B")
 
-    def take(self, table: Array) -> None:
+    def take_table(self, table: Array) -> None:
         """Copy a table (n, REACTION_COLUMNS), and reset the rows of tools beyond it."""
         data = table.data
         if len(data) > len(self._bytes):

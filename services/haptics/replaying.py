@@ -11,7 +11,8 @@ from trocar.services.recordings.injected_bus import InjectedBus, InjectedProcess
 from trocar.services.recordings.schedule import ASK_AGAIN_NS, Schedule
 from trocar.services.runtime.process.process import Process
 
-_KEPT = 64  # states that may not have been used yet
+#: States of physics that haptics may not have used yet: it sees one of the last five ticks, or none that is fresh.
+STATES_KEPT = 64
 
 
 class Answering(Protocol):
@@ -20,7 +21,7 @@ class Answering(Protocol):
     def answer(self, frame: Frame) -> None:
         """Answer a device frame."""
 
-    def settle(self) -> None:
+    def do_side_work(self) -> None:
         """Run background work between two ticks."""
 
 
@@ -32,18 +33,18 @@ class ReplayedHaptics(Generic[H]):
 
     def __init__(self, process: Process, make: Callable[[Process], H], schedule: Schedule) -> None:
         self._process, self._make, self._schedule = process, make, schedule
-        self._begin()
+        self._begin_replay()
 
-    def _begin(self) -> None:
+    def _begin_replay(self) -> None:
         process = self._process
         self._bus = InjectedBus(process.bus)
         self._haptics = self._make(cast(Process, InjectedProcess(self._bus, process.health, process.log)))
         self._states: dict[int, Frame] = {}
         self._answered = self._seen = -1
 
-    def settle(self) -> None:
+    def do_side_work(self) -> None:
         """Run background work between two ticks."""
-        self._haptics.settle()
+        self._haptics.do_side_work()
 
     def answer(self, frame: Frame) -> None:
         """Answer a frame as in the recording; a frame of an earlier tick restarts the replay first."""
@@ -53,7 +54,7 @@ class ReplayedHaptics(Generic[H]):
             self._bus.republish("haptics.contact_model")
             return
         if tick < self._answered:
-            self._begin()
+            self._begin_replay()
         self._answered = tick
         self._bus.is_live = intake is None
         if intake is not None:
@@ -74,5 +75,5 @@ class ReplayedHaptics(Generic[H]):
             state = bus.latest("physics.state")
             if state is not None:
                 self._states[state.body.tick] = state
-                while len(self._states) > _KEPT:
+                while len(self._states) > STATES_KEPT:
                     del self._states[next(iter(self._states))]

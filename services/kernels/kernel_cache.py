@@ -34,7 +34,8 @@ from trocar.services.kernels.source_closure import Sources
 
 _OPTIONS = ("NUMBA_BOUNDSCHECK", "NUMBA_OPT", "NUMBA_DEBUGINFO", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE")
 _FILE = re.compile(r"-(\d+)\.py\w+\.(?:nbi|\d+\.nbc)")
-_KEPT = 8
+_KEPT = 8  # versions of a module, for as many checkouts or branches by turns; more would fill the disk
+#: A start that compiles everything takes a minute, so that a folder untouched for this long is not at work.
 _IN_USE_S = 3600.0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import trocar.services.start.entry  # noqa: F401  first: the environment of a process
+from trocar.protocol.topics import MOMENT_TICKS, TICK_HZ, TICK_S
 
 # isort: split
 import sys
@@ -25,9 +26,8 @@ from trocar.services.physics.outputs import Outputs
 from trocar.services.physics.warm_up import warm_up, warm_up_contact
 from trocar.services.runtime.bus.journal import JournalWriter
 from trocar.services.runtime.log import progress
-from trocar.services.runtime.loop.loop import LoopMeter, TickClock, follow
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock, follow_topic
 from trocar.services.runtime.loop.nan_guard import NanGuard
-from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
 from trocar.services.runtime.process.process import Process, ProcessConfig, main
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.start import first_start
@@ -36,8 +36,7 @@ from trocar.services.start.start_progress import StartProgress
 if TYPE_CHECKING:
     from trocar.services.physics.replaying import ReplayedPhysics
 
-RATE_HZ = 1000.0
-TICK_S = 1.0 / RATE_HZ
+RATE_HZ = TICK_HZ
 #: Ticks between polls for orders, which arrive ten times a second. A poll takes 7 us, an order 80 us, which dominated
 #: the 99th percentile of a tick.
 _ORDERS_EVERY = 16
@@ -107,7 +106,7 @@ class Physics:
             self._reset()
         stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
-        if self._in_step and ticks and frame.body.tick % EVERY_TICKS == 0:
+        if self._in_step and ticks and frame.body.tick % MOMENT_TICKS == 0:
             self._outputs.publish_moment(self._process.bus, frame, valid=healthy)
         self._meter.stages_ns = (read_ns, *costs_ns, time.monotonic_ns() - stepped_ns)
 
@@ -163,7 +162,7 @@ class Physics:
         """Publish the state for a frame again, in case its receiver has missed it."""
         self._outputs.publish(self._process.bus, frame, valid=True)
 
-    def settle(self) -> None:
+    def do_side_work(self) -> None:
         """Run background work between two ticks."""
         if not (self._outputs.settle() or self._poll_quality_orders() or self._journal.send_if_due()):
             self._process.health.do_a_piece()
@@ -233,7 +232,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     clock = TickClock(meter)
     replay = _replay(process, physics)
     process.ready(meter)
-    for frame in follow(process.bus, "haptics.contacts", meter, process.stop, physics.settle):
+    for frame in follow_topic(process.bus, "haptics.contacts", meter, process.stop, physics.do_side_work):
         if frame is not None:
             ticks = clock.steps(frame.body.tick)
             if not (replay and replay.take(frame)):

@@ -19,7 +19,7 @@ from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.runtime.loop.flat_view import flat_view
 
-_TOOL_BYTES = 8 * TOOL_COLUMNS
+_TOOL_BYTES = TOOL_COLUMNS * np.dtype(float).itemsize
 
 
 class ToolTable(Struct):

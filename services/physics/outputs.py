@@ -42,7 +42,7 @@ from trocar.services.runtime.loop.flat_view import flat_view
 _INSERTED_EVERY = 16
 # Kinds of contacts on the wire.
 TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
-_TOOL_BYTES = 8 * TOOL_COLUMNS
+_TOOL_BYTES = TOOL_COLUMNS * np.dtype(float).itemsize
 
 
 class Sent(Struct):

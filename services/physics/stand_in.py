@@ -17,9 +17,10 @@ from trocar.services.mechanics.reduction.residual.blocks import Residual
 from trocar.services.mechanics.scene import QualityLevel, SceneModel
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
-_N_AROUND, _N_ALONG = 8, 10
-_N_MODES = 4
-_OMEGA_RAD_S = 2.0 * np.pi * 100.0
+#: Cells, modes, and the first mode's frequency: as few as kernels can be compiled and called with, and a step that is
+#: stable.
+_N_AROUND, _N_ALONG, _N_MODES = 8, 10, 4
+_OMEGA_RAD_S = 2.0 * np.pi * 100.0  # any that a step of 1 ms resolves, as it turns by less than a radian in one
 #: Amplitude of a mass-normalised mode, 1/sqrt(kg), and residual compliance of a node, m/N, as in a soft duct.
 _SHAPE, _COMPLIANCE_M_N = 1.0, 1e-3
 

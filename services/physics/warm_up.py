@@ -31,7 +31,7 @@ from trocar.services.start.start_progress import Say, ignore
 #: Kernels that each part compiled or found in a first start of the default scene.
 _KERNELS_OF_CONTACT, _KERNELS_OF_STEP = 150, 105
 
-_STEPS = 20
+_STEPS = 20  # assumption: contacts, friction and a grasp have then been through every kernel
 #: Steps with all contacts of tools placed deep in the wall; each may take half a second.
 _STEPS_OF_ALL = 2
 

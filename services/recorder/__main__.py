@@ -42,12 +42,13 @@ from trocar.services.scenes import load_duct, load_scene
 
 #: Longer than the period of sampled topics, far shorter than a turn.
 _PATIENCE_NS = 4_000_000
-_TELL_NS = 1_000_000_000
+_TELL_NS = 1_000_000_000  # counts of a file that lasts for minutes: more often would only cost
 #: Period of checking the disk, duration of a write that is reported as blocked, and pause between such reports.
 _LOOK_S, _HELD_S, _HELD_AGAIN_S = 0.01, 0.02, 10.0
 #: Most messages of one topic taken in a turn, about a second's of a fast one; the others wait for the next turn.
 _AT_ONCE = 64
-#: How long received frames are still written when the recorder is to end; the supervisor kills it after five seconds.
+#: How long received frames are still written when the recorder is to end: less than half of the time until the
+#: supervisor kills it, as the file has to be closed, too.
 _LAST_S = 2.0
 
 

@@ -11,7 +11,7 @@ import trocar.protocol.bodies as bodies
 #: Reason of a loss if the bus gives no other.
 QUEUES = "the recorder was not run for longer than the queues hold"
 DISK = "the disk is too slow"
-#: Period of reports of continuing losses, with their sum.
+#: Period of reports of continuing losses, with their sum: as long as for other events of which only numbers change.
 _SAY_EVERY_NS = 10_000_000_000
 
 

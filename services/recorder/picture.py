@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from trocar.protocol import Frame
 from trocar.services.recordings.scene_update import LOG, SCENE, TRANSFORMS, SceneDrawing, log, transforms
 
-#: Ten a second look continuous; each costs a few milliseconds.
+#: Ten a second look continuous; each costs a few milliseconds, so that all take some per cent of a core.
 _PERIOD_NS = 100_000_000
 #: Topic, sending time on the bus' clock, content with times of the wall clock.
 Drawn = tuple[str, int, bytes]

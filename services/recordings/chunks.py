@@ -15,7 +15,7 @@ from mcap.records import Chunk, ChunkIndex
 #: Opcode, length, channel, sequence, log time, publish time.
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
-_AFTER_LENGTH = _MESSAGE.size - 9
+_AFTER_LENGTH = _MESSAGE.size - 9  # a record's opcode and length take nine bytes, by the specification of MCAP
 #: A tenth of the library's effort for nearly the same size, as most of a frame are the low bits of doubles.
 _FAST = -5
 

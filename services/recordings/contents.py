@@ -27,7 +27,7 @@ from trocar.services.recordings.summary import has_sound_index, is_closed, is_so
 BROKEN = (McapError, EOFError, ValueError, OverflowError, struct.error, zstandard.ZstdError, zlib.error, KeyError)
 
 _DAMAGED = "{}: is damaged; `trocar repair` says how much of it cannot be read"
-_HEAD_BYTES = 4096
+_HEAD_BYTES = 4096  # enough for every mark of a known kind
 _MAGIC = b"\x89MCAP0"
 
 

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-_FIXED64, LENGTH = 1, 2  # wire types, https://protobuf.dev/programming-guides/encoding/#structure
-_DOUBLE = 8
+_FIXED64, LENGTH = 1, 2  # wire types by https://protobuf.dev/programming-guides/encoding/#structure
+_DOUBLE = np.dtype(np.float64).itemsize
 #: Field number and number of doubles of each part of a message.
 Layout = tuple[tuple[int, int], ...]
-POINT: Layout = ((1, 1), (2, 1), (3, 1))
+POINT: Layout = ((1, 1), (2, 1), (3, 1))  # fields x, y and z of one number each, by foxglove.Point3
 
 
 def field(number: int, content: bytes) -> bytes:

@@ -18,7 +18,8 @@ from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.mending import mend
 from trocar.services.recordings.transcode import to_frame
 
-#: Of messages that are sent together; the first of all is sent at once.
+#: Of messages that are sent together, half a packet, as a single one sends its own cost; the first of all is sent at
+#: once.
 _TOGETHER_BYTES = 1 << 15
 
 

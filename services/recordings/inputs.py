@@ -17,9 +17,9 @@ from trocar.services.recordings.reader import RecordedFrame, read_extras, read_f
 
 _DEVICES = "gateway.state"
 _JOURNALS = ("haptics.journal", "physics.journal")
-#: A journal is sent every 128 ticks.
+#: A journal is sent every 128 ticks, so that a run of thirty times as many is none.
 _LONGEST_RUN = 1 << 12
-#: Of a short recording whose first device frames are missing.
+#: Of a short recording whose first device frames are missing: a hundred seconds, longer than any start.
 _TICKS_AT_LEAST = 100_000
 #: Fields of an instrument that physics receives.
 _TOLD = ("position_m", "orientation_wxyz", "roll_rad", "handle_angle_rad")

@@ -33,12 +33,13 @@ WORLD = "world"
 SCENE, TRANSFORMS, LOG = "/scene", "/tf", "/log"
 #: Message type of each topic of the picture.
 SCHEMAS: dict[str, type[Message]] = {SCENE: SceneUpdate, TRANSFORMS: FrameTransforms, LOG: Log}
+#: A grid of 7.6 um: finer than any picture, and numbers with zeros at their end, so that files compress.
 _ROUNDED = 2.0**17
 _DUCT = Color(r=0.83, g=0.55, b=0.5, a=0.55)
 _CATHETER = Color(r=0.85, g=0.65, b=0.23, a=1.0)
 _STEEL = Color(r=0.7, g=0.72, b=0.75, a=1.0)
-_ENTITY, _LINES, _TRIANGLES = 2, 11, 12  # field numbers: entities of a scene; lines and triangles of an entity
-_LINE_POINTS, _TRIANGLE_POINTS = 5, 2
+# Field numbers by foxglove.SceneUpdate, SceneEntity, LinePrimitive and TriangleListPrimitive:
+_ENTITY, _LINES, _TRIANGLES, _LINE_POINTS, _TRIANGLE_POINTS = 2, 11, 12, 5, 2
 
 
 def descriptor(topic: str) -> bytes:

@@ -11,7 +11,8 @@ from trocar.protocol.topics import TICK_S
 from trocar.services.recordings.inputs import Intake, RecordedInputs, read_inputs
 from trocar.services.runtime.config.rig import ReplaySettings
 
-#: Period of repeating an unanswered frame, which a process that has just started may have missed.
+#: Period of repeating an unanswered frame, as a process that has just started may have missed it: longer than a tick
+#: takes even on a busy machine.
 ASK_AGAIN_NS = 20_000_000
 
 

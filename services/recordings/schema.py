@@ -14,7 +14,7 @@ from google.protobuf import descriptor_pb2
 from trocar.protocol.fields import Field, Form, fields, nested
 
 PACKAGE = "trocar"
-ENVELOPE_FIELD = 1000
+ENVELOPE_FIELD = 1000  # beyond the fields of any body
 
 _Field = descriptor_pb2.FieldDescriptorProto
 _SCALARS = {int: _Field.TYPE_INT64, float: _Field.TYPE_DOUBLE, str: _Field.TYPE_STRING, bool: _Field.TYPE_BOOL}

@@ -32,7 +32,7 @@ from mcap.records import (
 MAGIC = b"\x89MCAP0\r\n"
 #: Opcode and length of a record; bytes of a message index before its entries; size after a stored entry.
 HEAD, _INDEX_HEAD, _SIZE = struct.Struct("<BQ"), 15, struct.Struct("<I")
-_FOOTER_LENGTH = 20
+_FOOTER_LENGTH = 20  # by the specification of MCAP: two offsets and a checksum
 #: The last record, whose last field is the checksum of the summary and of the record's other fields.
 _FOOTER = struct.Struct("<BQQQI")
 _TAIL = _FOOTER.size + len(MAGIC)

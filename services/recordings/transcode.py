@@ -15,6 +15,7 @@ from operator import attrgetter
 from typing import Any
 
 import msgspec
+import numpy as np
 from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.message import Message
 
@@ -25,7 +26,7 @@ from trocar.services.recordings.schema import PACKAGE, Envelope, file_descriptor
 from trocar.services.recordings.table_rows import decoded_rows, encoded_rows
 
 Convert = Callable[[Any], Any]
-_INT64_MAX = (1 << 63) - 1
+_INT64_MAX = int(np.iinfo(np.int64).max)
 
 
 class _Anything(msgspec.Struct):

@@ -17,7 +17,7 @@ from typing import IO
 from trocar.services.files.trusted_path import fault_of_place
 from trocar.services.runtime.errors import BusError
 
-_OTHERS = 0o077
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
 #: Flags that open neither the target of a link nor wait for the writer of a pipe.
 _AS_IT_IS = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
 

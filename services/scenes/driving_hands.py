@@ -16,12 +16,12 @@ from trocar.services.mechanics.surface.opening import mouth_opening
 from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.runtime.errors import ConfigError
 
-PUSH_M_S, ROLL_RAD_S, BEND_RAD_S = 20e-3, 2.0, 1.5
+PUSH_M_S, ROLL_RAD_S, BEND_RAD_S = 20e-3, 2.0, 1.5  # assumptions: an unhurried hand
 BEFORE_RADII, BEYOND_RADII, SHORT_RADII = 2.5, 1.0, 2.6
 """Of the mouth: so far before ways part the tip is turned and bent, so far beyond it is let go, and so far short of its
 end the way is gone."""
-_PAUSE_S = 0.2
-_STRAIGHT = 1e-9
+_PAUSE_S = 0.2  # assumption: about a person's time to react, in which a bent tip comes to rest
+_STRAIGHT = 1e-9  # of unit vectors: far beyond their rounding, far below any bend
 _CHANGE = "lead", "catheter", "handle", "roll"
 _EDGES = 8
 """Of a way along which a director is carried: more would follow the wiggles of a centreline."""

@@ -20,7 +20,7 @@ from trocar.services.scenes.load import load_scene
 from trocar.services.scenes.ready import load_surface
 
 STROKES = 8
-"""A minute of them at the pace of the stub."""
+"""About a minute of them at the pace of the stub, so that its motion is not seen to repeat."""
 
 
 def hand_motions(scene_name: str, overrides: Iterable[str] = ()) -> list[dict[str, Any]]:

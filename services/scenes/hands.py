@@ -17,6 +17,7 @@ from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import Opening, mouth_opening
 from trocar.services.scenes.driving_hands import driving_hands
 
+# Assumptions of how unhurried hands move in the default scene, m, rad and s:
 GRIP_BEHIND_TIP_M = 26e-3
 """The catheter is taken so far behind its tip: less and the jaws reach the mouth, more and it buckles."""
 ABOVE_M = 12e-3

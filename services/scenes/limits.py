@@ -43,7 +43,7 @@ _AT_MOST: dict[str, dict[str, float]] = {
 LARGEST = 1e30
 """Of any number: the mechanics multiplies several, and beyond 1e308 a product is infinite."""
 LENGTH_MAX_M = 10.0
-"""Of any length and place: what is longer is in another unit."""
+"""Of any length and place: a patient is below 3 m, and what is in millimetres is a thousand times as long."""
 _OF_LENGTH = re.compile(r"(?<!_[1ns])_m(\.\d)?$")
 """What ends a length's name: not that of a curvature (1_m), a stiffness (n_m) or a damping (n_s_m)."""
 

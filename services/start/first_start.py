@@ -20,7 +20,7 @@ from trocar.services.kernels.processor import target_name
 
 NOTICE = "first start: compiles for about a minute; later ones take seconds"
 _FOLDERS = "mechanics", "physics", "haptics", "gateway"
-#: Marks of other sources are removed after so long.
+#: Marks of other sources are removed after so long: a quarter of a year, after which nobody goes back to them.
 _KEPT_S = 90.0 * 86400.0
 
 

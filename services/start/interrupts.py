@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 
-#: `ExitCode.INTERRUPTED`.
+#: `ExitCode.INTERRUPTED`, as shells have it: 128 and, for SIGINT, 2.
 _CODE = 130
 #: Filled where a command has ended by Ctrl-C.
 _interrupted: list[bool] = []

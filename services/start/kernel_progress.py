@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from trocar.services.kernels import kernel_cache
 from trocar.services.mechanics.compiled import KERNELS
 
-_APART_S = 0.2
+_APART_S = 0.2  # a bar that moves five times a second is seen to move, for some microseconds each
 #: Up to this share of what was expected the count is taken as it is; beyond, it approaches the end and never passes it.
 _LINEAR = 0.9
 

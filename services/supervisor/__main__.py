@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with closing(ForkServer()) as fork_server:
             process = open_session(options)
             try:
-                turn = _Greeting().turn
+                turn = _Greeting().greet_person
                 run_session(process, SessionOptions(options, on_event=_print, on_turn=turn, fork_server=fork_server))
             finally:
                 process.bus.close()
@@ -50,7 +50,7 @@ class _Greeting:
     def __init__(self) -> None:
         self._due = ["the rig is starting", "the rig runs"]
 
-    def turn(self, supervisor: Supervisor, _now_s: float) -> bool:
+    def greet_person(self, supervisor: Supervisor, _now_s: float) -> bool:
         runs = supervisor.state in (RigState.RUNNING, RigState.DEGRADED)
         if len(self._due) == 2 or (self._due and runs):
             print(f"{self._due.pop(0)}: open {supervisor.page_address}", file=sys.stderr, flush=True)  # noqa: T201

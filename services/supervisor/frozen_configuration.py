@@ -20,6 +20,7 @@ from trocar.services.runtime.config.rig import Rig, Transport
 from trocar.services.runtime.private_directory import make_private
 from trocar.services.runtime.process.process import Process
 
+#: The files, of a few kB, are read whole each time; who has saved one is told before he looks for its effect.
 _LOOK_S = 1.0
 
 
@@ -74,7 +75,7 @@ class ChangedFiles:
         self._say = say
         self._look_s = 0.0
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Check the files, if due."""
         if now_s < self._look_s:
             return

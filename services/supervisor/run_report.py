@@ -48,7 +48,7 @@ class RunReport:
         """Counted seconds so far."""
         return self._counts.seconds
 
-    def turn(self, now_s: float) -> None:
+    def watch_run(self, now_s: float) -> None:
         """Follow the supervisor; call this after each of its turns."""
         if self._running_s is None and self._supervisor.state is RigState.RUNNING:
             self._running_s = now_s

@@ -44,8 +44,9 @@ from trocar.services.supervisor.page.page import Page
 from trocar.services.supervisor.page.page_link import PageSetup
 from trocar.services.supervisor.page.school import School
 
+#: A turn without events: five in the time within which a lost process is noticed (`crew._NOTICE_S`).
 _TURN_S = 0.02
-#: Most open files of a process; the supervisor of a running rig had 98.
+#: Most open files of a process: the supervisor of a running rig was measured to have 98.
 _FILES = 256
 STAGES = ("judge", "report", "page")
 
@@ -240,7 +241,7 @@ def _watch(
         process.health.send_if_due()
         sent_ns = time.monotonic_ns()
         for line in lines:
-            line.turn(time.monotonic())  # a stop within the turn makes commands late
+            line.run_turn(time.monotonic())  # a stop within the turn makes commands late
         ended_ns = time.monotonic_ns()
         meter.stages_ns = (judged_ns - began_ns, sent_ns - judged_ns, ended_ns - sent_ns)
         meter.finish(ended_ns)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from trocar.protocol import Frame
-from trocar.protocol.topics import PROCESSES
+from trocar.protocol.topics import HEALTH_S, PROCESSES, TICK_NS
 from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.loop.loop import LoopMeter, ticks
@@ -25,10 +25,11 @@ from trocar.services.training.score import load_rules
 from trocar.services.training.site import Site, find_site
 from trocar.services.training.trainer import Trainer
 
+#: A fifth above the rate of `training.attempt`, so that a look is never late for a report.
 RATE_HZ = 12.0
 STAGES = ("orders", "look", "tell")
-_PATIENCE_NS = 10_000_000
-_TELL_NS = 100_000_000
+_PATIENCE_NS = 10 * TICK_NS  # ten periods of the sampled topics, so that a frame of each nearly always comes
+_TELL_NS = round(1e9 * HEALTH_S)
 _CONTINUED = "it goes on from a recording"
 
 
@@ -66,8 +67,8 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
         if (hands := bus.latest("visualization.hands")) is not None:
             trainer.fitness.take_pictures(ordered_ns * 1e-9, hands.body.pictures_hz)
         for frames in moments():
-            trainer.observer.take(frames, ordered_ns)
-            trainer.follow(ordered_ns * 1e-9)
+            trainer.observer.take_frames(frames, ordered_ns)
+            trainer.follow_attempt(ordered_ns * 1e-9)
         looked_ns = time.monotonic_ns()
         if looked_ns >= due_ns or trainer.gist() != told:
             told, due_ns = trainer.gist(), looked_ns + _TELL_NS

@@ -14,7 +14,7 @@ from trocar.services.training.situation import Situation
 
 Severity = Literal["critical", "consequential", "inconsequential", "coaching"]
 Evidence = Callable[[Situation, Procedure], float | None]
-_MOVING_M_S = 5e-3
+_MOVING_M_S = 5e-3  # a tremor of 0.1 mm at 8 Hz has as much at most: 2 pi f a
 _SECURED = ("P5", "P6")
 RELEASE_S = 0.05
 """How long the evidence must be within its limit for an error to end."""
@@ -147,10 +147,10 @@ class ErrorLog:
     def __init__(self, scenario: Scenario) -> None:
         self._detectors = [_Detector(rule, scenario.limit(rule.limit)) for rule in RULES]
 
-    def take(self, s: Situation, p: Procedure) -> None:
+    def take_situation(self, s: Situation, p: Procedure) -> None:
         """Apply the rules to a situation already processed by the procedure."""
         for detector in self._detectors:
-            detector.take(detector.rule.evidence(s, p), p)
+            detector.take_evidence(detector.rule.evidence(s, p), p)
 
     @property
     def events(self) -> list[ErrorEvent]:
@@ -170,7 +170,7 @@ class _Detector:
         self._last_s = self._worst = 0.0
         self._phase: Phase = "P0"
 
-    def take(self, value: float | None, p: Procedure) -> None:
+    def take_evidence(self, value: float | None, p: Procedure) -> None:
         is_at_fault = value is not None and (value < self._limit if self.rule.below else value > self._limit)
         if is_at_fault:
             assert value is not None

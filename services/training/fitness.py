@@ -1,4 +1,4 @@
-"""Whether the machine is good enough for an attempt that counts, in one sentence with what to do if it is not.
+"""Tells whether the machine is good enough for an attempt that counts, in one sentence with what to do if it is not.
 
 With a force-feedback arm the rig must keep its contracts. Without one nobody feels a late tick: the rig's time is
 simulated and loses none, and what is left to ask for is a picture that hands can be steered by.
@@ -12,9 +12,7 @@ from trocar.protocol import bodies
 from trocar.protocol.topics import TICK_S
 from trocar.services.runtime.loop.simulated_speed import LEAST_PICTURES_HZ, LEAST_SPEED
 
-#: Deviation from the clock that is told.
-TOLD_SPEED = 0.95
-_OVER_S = 3.0
+_OVER_S = 3.0  # a page counts its pictures once a second, so that three counts are averaged
 _STOPPED = "the rig is stopped: press Arm, or ask your instructor"
 _LATE = "a part of the rig is late, which a hand would feel: end other programs; `trocar doctor` says more"
 

@@ -8,7 +8,7 @@ from trocar.services.training.scenario import Scenario
 
 #: Fraction of a force limit from which a hint asks for less.
 _NEAR = 0.8
-_NEARLY_M = 2e-3
+_NEARLY_M = 2e-3  # a hint counts whole millimetres, so that the last one told is 2 mm
 
 
 def hint(attempt: FollowedAttempt, observer: RigObserver, scenario: Scenario | None) -> str:

@@ -42,17 +42,17 @@ class Judge:
         """The errors so far."""
         return self.log.events
 
-    def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> Situation | None:
+    def take_frame(self, topic: str, time_ns: int, body: msgspec.Struct) -> Situation | None:
         """Process a frame; return the situation if one was judged. Its tick counts, not its time of arrival."""
-        situation = self._observer.take(topic, body)
+        situation = self._observer.take_body(topic, body)
         if situation is not None:
             self._last = situation
-            self.procedure.take(situation)
-            self.log.take(situation, self.procedure)
+            self.procedure.take_situation(situation)
+            self.log.take_situation(situation, self.procedure)
         return situation
 
     def finish(self) -> None:
         """Judge the end of a completed attempt: the final depth of the catheter."""
         self.procedure.finish()
         if self._last is not None:
-            self.log.take(self._last, self.procedure)
+            self.log.take_situation(self._last, self.procedure)

@@ -20,12 +20,21 @@ PHASES: dict[Phase, str] = {
     "P6": "flush",
     "P7": "release",
 }
+
+# Assumptions, in terms of the catheter, which is 1.7 mm thick (5 Fr), and of the mouth, which is 5 mm wide:
+#: The tip is at the mouth: no farther from its middle than its width.
 _NEAR_M = 5e-3
+#: The catheter is engaged once more of it is inside than its thickness, and is out with less than a third of that.
 _ENGAGED_M, _OUT_M = 2e-3, 0.5e-3
+#: Squeeze of a clip round duct and catheter: less is mere touch; a clip holds from `clip_min_n`, which is judged apart.
 _CLIPPED_N = 0.05
+#: A hand that has let go, or a line that was flushed, for less may be at it again: a grasp takes about as long.
 _SETTLED_S = 0.5
+#: The tip is back at its best depth, within a quarter of the withdrawal that counts as one (`withdrawal_m`).
 _BACK_M = 0.5e-3
+#: An approach ends no farther before the mouth than about its radius; else nobody has probed it.
 _PROBED_M = 3e-3
+#: Way of a tip between two situations: more than a hand makes in their 4 to 40 ms, as a scene that begins again does.
 _STILL_M = 5e-3
 
 
@@ -91,7 +100,7 @@ class Procedure:
         if self.secured_m is None and self._last is not None and self.phase in ("P4", "P7"):
             self.secured_m = self._last.inserted_m
 
-    def take(self, s: Situation) -> None:
+    def take_situation(self, s: Situation) -> None:
         """Process the next situation."""
         if self._first_tick is None:
             self._first_tick = s.tick

@@ -13,7 +13,7 @@ from trocar.services.training.fitness import Fitness
 from trocar.services.training.judge import Judge
 
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state")
-_CATHETER = 1
+_CATHETER = 1  # `GraspHold.target_kind` on the wire, else the duct
 LATE, STOPPED, ANEW = "the rig was late", "the rig was stopped", "a part of the rig began anew"
 
 
@@ -54,7 +54,7 @@ class RigObserver:
         self._rig = ""
         self._pressed_ns = 0
 
-    def take(self, frames: Mapping[str, Frame], now_ns: int) -> None:
+    def take_frames(self, frames: Mapping[str, Frame], now_ns: int) -> None:
         """Process new frames."""
         for name, frame in frames.items():
             if self._by.setdefault(name, frame.incarnation) != frame.incarnation:
@@ -62,7 +62,7 @@ class RigObserver:
                 self._fault = ANEW
             getattr(self, f"_take_{name.partition('.')[0]}")(frame.body)
             if self.judge is not None:
-                self.judge.take(name, frame.sent_ns, frame.body)
+                self.judge.take_frame(name, frame.sent_ns, frame.body)
         pressed = self._gateway is not None and any(each.buttons & 1 for each in self._gateway.instruments)
         self._pressed_ns = (self._pressed_ns or now_ns) if pressed else 0
         self.pressed_s = (now_ns - self._pressed_ns) * 1e-9 if pressed else 0.0

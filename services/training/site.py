@@ -55,8 +55,10 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
 _MODULE = "trocar.services.scenes.duct_file"
 _WAY, _CLIP = "way_", "place_clip"
 _NEAREST, _FURTHEST = 2.0, 3.5
+"""Ring of the wall from whose middle the way inward is taken, in radii of the mouth: beyond its own flare, before a
+bend."""
 _EYE = 0.85, 0.95, 0.95
-"""Position of the page's endoscope in lengths of the duct: along it, beside it and up."""
+"""Position of the page's endoscope in lengths of the duct: along it, beside it and up, as in `stage.js` (`scope`)."""
 
 
 def site_of_duct(vertices_m: Values, triangles: Indices, modes: Values, basis_hash: str) -> Site:

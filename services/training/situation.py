@@ -30,19 +30,27 @@ TISSUES = ("tool_duct", "tool_catheter", "catheter_wall")
 EVERY_TICKS = 4
 """Ticks between judged situations: 250 a second, for motion up to 10 Hz."""
 _DUCT, _CATHETER, _WALL = 0, 1, 2
-_TIP_REACH_M = 3e-3
-_RIM_REACH_M = 3e-3
-_CLIP_REACH_M = 6e-3
+
+# Assumptions, in terms of the catheter, 1.7 mm thick (5 Fr), and of a cell of the wall's mesh, about 2 mm long:
+#: Contacts of the tip, and of the mouth's rim, lie within a cell and the catheter's radius; those of a clip twice as
+#: far, as its jaws are 5 mm wide.
+_TIP_REACH_M = _RIM_REACH_M = 3e-3
+_CLIP_REACH_M = 2 * _RIM_REACH_M
+#: Time over which a speed of insertion is taken: at the least one that counts (`stalled_m_s`) 0.05 mm pass, more than
+#: the inserted length is uncertain by; and shorter than a person needs to react.
 _ADVANCE_S = 0.25
+
 _FREE_M = 5e-3
 """Shortest free length of catheter considered for buckling, as its arc hardly differs from its chord below."""
-_FLUSH_BUTTON = 1 << 1
-_JAWS_M = 12e-3
+_FLUSH_BUTTON = 1 << 1  # the second button, as the first begins anew
+_JAWS_M = 12e-3  # between 15 and 10 mm of usual forceps, as the wire does not tell those of the scene
 _LONGEST_JAWS_M, _JAW_M = 30e-3, 2e-3
-"""Largest distance of jaw contacts from the junction, and beside the jaws' cone of a right angle."""
+"""Largest distance of jaw contacts from the junction, for jaws of 28 mm at most, and beside their cone of a right
+angle."""
+#: Torque by which a held body opens the jaws: 10 mN at a lever of 20 mm. Less is the touch of open jaws.
 _SQUEEZED_NM = 0.2e-3
 _ZERO = np.zeros(3)
-_REMEMBERED = 16
+_REMEMBERED = 16  # device frames and tools wait for the state of their tick, which comes one to five ticks later
 _Fast = TypeVar("_Fast", GatewayState, ToolContacts)
 
 
@@ -130,7 +138,7 @@ class SituationReader:
         self._due_tick = 0
         self._advance: deque[tuple[int, float]] = deque()
 
-    def take(self, topic: str, body: msgspec.Struct) -> Situation | None:
+    def take_body(self, topic: str, body: msgspec.Struct) -> Situation | None:
         """Process a frame; return a situation with each state of physics at least `EVERY_TICKS` after the last.
 
         It is joined with the devices and tools of its tick, or the newest ones if those have not been seen.

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Sequence
 
 from trocar.protocol import bodies
+from trocar.protocol.topics import ORDER_S
 from trocar.services.meshes.tube_paths import TubePaths
 from trocar.services.training.attempt import AttemptState, FollowedAttempt
 from trocar.services.training.fitness import Fitness
@@ -17,14 +18,16 @@ from trocar.services.training.rig_observer import RigObserver
 from trocar.services.training.scenario import Scenario
 from trocar.services.training.score import ScoreRules, score_of
 
-#: Age after which an order is not executed, as its sender has given up.
-ORDER_S = 2.0
+#: Slowest motion that can be asked for: a tick then takes as long as two pictures at 60 Hz, so that each is seen.
 SLOWEST = 1.0 / 32.0
-#: How long a device's button must be pressed to restart the scene.
+#: How long a device's button must be pressed to restart the scene: longer than any press by which tissue is held or
+#: flushed by mistake, as an attempt is lost by it. An assumption.
 PRESSED_S = 2.0
-NO_SCORE = -1.0
+NO_SCORE = -1.0  # no score is below 0
+#: Answers that are repeated: an order lives `ORDER_S`, and nobody presses more than four buttons in one second. Orders
+#: are known for four times as long, so that none that is repeated is carried out again.
 _KEPT = 8
-_MOST_STEPS = 1000
+_MOST_STEPS = 1000  # a second, as long as slow motion is the better way for more
 
 
 class Trainer:
@@ -68,7 +71,7 @@ class Trainer:
         self._answers: deque[bodies.Answer] = deque(maxlen=_KEPT)
         self._seen: deque[int] = deque(maxlen=4 * _KEPT)
 
-    def follow(self, now_s: float) -> None:
+    def follow_attempt(self, now_s: float) -> None:
         """Update the attempt after new frames, and start the next one if due."""
         if self.observer.begins < self._awaited and self.observer.gateway == self._asked:
             return  # the gateway restarts the scene as soon as no arm bears a force
@@ -88,10 +91,10 @@ class Trainer:
             self._ended_s, self.score = now_s, self._total()
         if self.observer.pressed_s >= PRESSED_S:
             self.observer.release()
-            self.begin("somebody pressed the button of a device")
+            self.begin_attempt("somebody pressed the button of a device")
         due = self._again_after_s is not None and self.attempt.outcome == "success"
         if due and self._ended_s is not None and now_s - self._ended_s >= (self._again_after_s or 0.0):
-            self.begin("")
+            self.begin_attempt("")
 
     def _total(self) -> float:
         """Judge the end of a completed attempt, and return its total."""
@@ -103,7 +106,7 @@ class Trainer:
         score = score_of(self.scenario, self._rules, attempt.outcome, attempt.time_s, judge.events, {})
         return NO_SCORE if score is None else score.total
 
-    def begin(self, why: str) -> str:
+    def begin_attempt(self, why: str) -> str:
         """Abandon a present attempt, and restart the scene."""
         if not self.attempt.ended:
             self.attempt.abandon(why)
@@ -134,7 +137,7 @@ class Trainer:
     def _carry_out(self, order: bodies.Order) -> tuple[bool, str]:
         match order.what:
             case "new":
-                return True, self.begin("a new one was asked for")
+                return True, self.begin_attempt("a new one was asked for")
             case "pause":
                 self._pace = 0.0
                 return True, "paused: arms are limp"

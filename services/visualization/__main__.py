@@ -26,7 +26,7 @@ from trocar.services.visualization.page_hands import TOPIC as HANDS
 from trocar.services.visualization.page_hands import PageHands
 from trocar.services.visualization.rig_state import RigNotice
 
-#: Deadline of a picture, of 30 Hz, even if the rig file sets a faster rate.
+#: Deadline of a picture, of 30 Hz, as that is promised, even if the rig file sets a faster rate.
 PICTURE_DEADLINE_NS = 33_333_333
 #: Least rate of waking between pictures for health reports, as silence for half a second counts as a hang.
 REPORTS_HZ = 10.0

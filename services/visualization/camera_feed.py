@@ -15,10 +15,10 @@ from trocar.services.start.off_screen import draw_off_screen
 from trocar.services.visualization.feed import FeedMessage
 from trocar.services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read_message
 
-_IDLE_S = 20.0
+_IDLE_S = 20.0  # a renderer takes seconds to start, so one waits for the next snapshot of a person who takes some
 #: Patience of a request; of a renderer that starts, which on a slow machine takes longer; and of one that has started.
 _ANSWER_S, _START_S, _RENDER_S = 5.0, 120.0, 30.0
-_RATE_HZ = 30.0
+_RATE_HZ = 30.0  # as that of the page's picture is promised
 
 
 class CameraFeed:

@@ -10,7 +10,7 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.visualization.picture import PictureLayout
 
 PRESETS = ("scope", "mouth", "side", "top", "ports")
-VIEW_ANGLE_DEG = 50.0
+VIEW_ANGLE_DEG = 50.0  # as the page's (`stage.js`), so that both show the same
 _UP = np.array([0.0, 0.0, 1.0])
 
 

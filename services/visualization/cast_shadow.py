@@ -23,7 +23,9 @@ _ACROSS = np.linalg.qr(np.column_stack([_SUN, np.eye(3, dtype=np.float32)[:, :2]
 _SEEN = np.column_stack([_ACROSS, _SUN])
 _LAMP, _SHARPEST_M = 0.2, 0.5e-3
 """Width of the lamp over its distance; smallest width of an edge, resolved by the vertices."""
-_DARK = 0.6
+_DARK = 0.6  # as a bright lamp leaves it: judged by eye, as the lamp's width is
+#: Rods by which duct and catheter cast shadows: as many as bends of either have no corners that are seen; time grows
+#: with them.
 _SECTIONS, _PIECES = 10, 12
 
 

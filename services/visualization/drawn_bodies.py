@@ -23,14 +23,15 @@ from trocar.services.visualization.tube import spline, sweep_tube, tube_triangle
 _STEEL, _SLEEVE, _CANNULA = "#b4bbc2", "#2a2e33", "#8ea4b8"
 _METAL = {"sleeve": _SLEEVE, "steel": _STEEL}
 _CATHETER = "#d8a63c", "#1d1b18", "#2a1f12"
-_WIRE = (_STEEL,) * 3
-_SIDES, _PER_SEGMENT = 12, 3
+_WIRE = (_STEEL,) * 3  # its shades: as many as `_CATHETER` has
+_SIDES, _PER_SEGMENT = 12, 3  # twelve sides differ from a circle by 3 %, 0.03 mm of a catheter, as 1 - cos(pi / 12)
 #: Rings of the rounded tip: distance from the last ring, and radius, in radii; the last is in the lumen.
 _TIP = np.array([(0.3, 0.97), (0.55, 0.87), (0.72, 0.7), (0.8, 0.5), (0.2, 0.5)], np.float32)
-_ARROW_M = 0.022  # of 1 N; the length grows with the square root, to show millinewtons beside newtons
-_HEAD_M = 2e-3
+#: Of 1 N, half a jaw's length by eye; it grows with the square root, so that millinewtons are seen beside newtons.
+_ARROW_M = 0.022
+_HEAD_M = 2e-3  # about as long as a whole arrow of 10 mN
 _SEEN = 45  # of 255: least brightness on which shadows are visible
-_AMBIENT, _SHARPNESS = 0.12, 40
+_AMBIENT, _SHARPNESS = 0.12, 40  # of wet tissue under one lamp: judged by eye
 
 
 class _Surface:
@@ -226,8 +227,8 @@ class Tool:
             actor.user_matrix = transform
         if self._jaws:
             jaw_a, jaw_b = self._jaws
-            jaw_a.user_matrix = transform @ _turn("z", 0.5 * opening_rad)
-            jaw_b.user_matrix = transform @ _turn("z", -0.5 * opening_rad) @ _turn("x", np.pi)
+            jaw_a.user_matrix = transform @ _rotation("z", 0.5 * opening_rad)
+            jaw_b.user_matrix = transform @ _rotation("z", -0.5 * opening_rad) @ _rotation("x", np.pi)
         at_port = transform.copy()
         at_port[:3, 3] = self._port_m
         self._cannula.user_matrix = at_port
@@ -275,7 +276,7 @@ def pose_matrix(pose: Float32Array) -> FloatArray:
     return matrix
 
 
-def _turn(axis: str, angle_rad: float) -> FloatArray:
+def _rotation(axis: str, angle_rad: float) -> FloatArray:
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_euler(axis, angle_rad).as_matrix()
     return matrix

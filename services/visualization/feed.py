@@ -11,6 +11,8 @@ from trocar.services.runtime.process.health import LatencyPath
 #: Most frames sent to a client and not acknowledged as painted. A tunnel with a round trip of 100 ms still gets 60
 #: pictures a second; a suspended client (a hidden tab) is sent nothing and resumes with the newest.
 IN_FLIGHT = 6
+#: The last part of a wait between pictures is slept, as asyncio rounds its waits up to milliseconds.
+MARGIN_NS = 1_500_000
 
 
 @dataclass(slots=True)
@@ -70,7 +72,7 @@ class Feed:
     async def next(self) -> list[str | bytes]:
         """Wait for messages that may be sent, and return them: notice, hello, frame."""
         while True:
-            parts = self._take()
+            parts = self._take_parts()
             if parts:
                 return parts
             self.wake.clear()
@@ -88,7 +90,7 @@ class Feed:
             self.painted.latency.record(time.monotonic_ns() - origin_ns)
         self.wake.set()
 
-    def _take(self) -> list[str | bytes]:
+    def _take_parts(self) -> list[str | bytes]:
         parts: list[str | bytes] = []
         if self.notice is not None:
             parts.append(self.notice)

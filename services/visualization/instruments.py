@@ -12,7 +12,7 @@ from trocar.services.mechanics.scene.instruments import DrawnPart
 from trocar.services.visualization.picture import ToolShape
 from trocar.services.visualization.tube import sweep_tube, tube_triangles
 
-_RINGS, _ARCS = 64, 10
+_RINGS, _ARCS = 64, 10  # so that a jaw's teeth have some rings each, and its back no corners that are seen
 
 
 def round_part(part: DrawnPart) -> pv.PolyData:

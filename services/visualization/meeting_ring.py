@@ -14,7 +14,8 @@ from trocar.services.mechanics.compiled.vectors import cross, dot, row, subtract
 from trocar.services.visualization.picture import ToolShape
 
 REACH_M = 40e-3
-"""Largest distance from the tip at which the ring is shown."""
+"""Largest distance from the tip at which the ring is shown: a hand at 0.1 m/s sees it for 0.4 s before it touches."""
+#: Distance that counts as touch, and by which the ring lies above the wall, so that it is not hidden in it.
 _TOUCHES_M, _LIFT_M = 0.4e-3, 0.12e-3
 _FAR, _NEAR = "#b8fff0", "#ffd479"
 _ANGLE_RAD = 2.0 * np.pi * np.arange(28) / 28

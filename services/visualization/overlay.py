@@ -13,7 +13,7 @@ from trocar.services.visualization.picture import Picture, PictureLayout, ToolSh
 from trocar.services.visualization.scales import scales
 
 HELP = "1 scope 2 mouth 3 side 4 top 5 ports  M mirror F forces A aim S strain L lens  drag turns  H help  Q ends"
-_LENS = ((0.56, 0), (0.61, 140), (0.66, 255), (4.0, 255))  # radius over the shorter side, opacity
+_LENS = ((0.56, 0), (0.61, 140), (0.66, 255), (4.0, 255))  # radius over the shorter side, opacity: as in `lens.js`
 _STATES = {"running": "#67d1bd", "ready": "#67d1bd", "degraded": "#eab54d", "safe_stop": "#f0695a"}
 _QUIET = "#d9cdc8"
 

@@ -86,7 +86,7 @@ class PageHands:
                     await page.send_text(_greeting(self._tools(devices), greeted))
                 text = await page.receive_text()
                 if self._holder is page:  # otherwise it was sent before a newer page took over
-                    self._take(text)
+                    self._take_message(text)
         finally:
             if self._holder is page:
                 self._holder = None
@@ -108,7 +108,7 @@ class PageHands:
             if each.name in self.followers
         ]
 
-    def _take(self, text: str) -> None:
+    def _take_message(self, text: str) -> None:
         try:
             body = _DECODER.decode(text)
         except (msgspec.DecodeError, msgspec.ValidationError):

@@ -91,7 +91,7 @@ class Renderer:
             arrow.place(pose[:3], picture.force_n[i], shown=self.show_forces)
             ring.place(face_m, pose, pose_matrix(pose)[:3, 0], shown=self.show_aim)
 
-    def take(self, effects: Effects) -> None:
+    def take_effects(self, effects: Effects) -> None:
         """Change the effects."""
         self.plotter.render_window.SetMultiSamples(effects.samples)
         self.effects, self._built = effects, None

@@ -10,8 +10,8 @@ from trocar.services.visualization.render import Effects
 
 #: Picture rates below which quality is reduced: with a graphics processor, and in software.
 WANTED_HZ, WANTED_IN_SOFTWARE_HZ = 24.0, 12.0
-_JUDGE_S = 1.0
-_SLOW_LOOKS = 2  # one slow second is chance
+_JUDGE_S = 1.0  # twelve pictures at least, so that one more or less is no tenth
+_SLOW_LOOKS = 2  # in a row, as one slow second is chance
 #: Fraction of a picture's available time that the predicted time at a better level may take, and the assumed ratio of
 #: times for more effects; otherwise it is the ratio of pixels.
 _ROOM, _MORE_EFFECTS = 0.9, 2.0
@@ -37,7 +37,7 @@ RUNGS = (
     Quality(_PLAIN, 0.8),
     Quality(_PLAIN, 0.64),
 )
-#: Initial level of software rendering.
+#: Initial level of software rendering: the first without fine effects.
 SOFTWARE_RUNG = 2
 
 

@@ -11,7 +11,7 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.visualization.drawn_bodies import colour_of_force
 from trocar.services.visualization.strain import FULL, colours_of_strain
 
-_SHADES = 64
+_SHADES = 64  # neighbours then differ by less than 2 % of the scale, so that no steps are seen
 
 
 def scales() -> list[vtkScalarBarActor]:

@@ -14,7 +14,7 @@ from trocar.services.visualization.tube import spline, sweep_tube, tube_triangle
 
 _UP = np.array([0.0, 0.0, 1.0])
 _BED_M = 0.26  # half of its width
-_BELOW_M = 0.026
+_BELOW_M = 0.026  # the duct, by eye: shadows fall on it without its bed hiding a tool
 #: Radii of the lens' light on the bed: up to the first it is lit, beyond the second dark.
 _LIT_M, _DARK_M = 0.05, 0.19
 

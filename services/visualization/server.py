@@ -17,6 +17,7 @@ from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
+from starlette.status import WS_1008_POLICY_VIOLATION, WS_1013_TRY_AGAIN_LATER
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from trocar.services.runtime.config.rig import ViewSettings
@@ -25,15 +26,13 @@ from trocar.services.runtime.web.web_certificate import Certificate
 from trocar.services.runtime.web.web_headers import SafeHeaders
 from trocar.services.runtime.web.web_host import KnownHost, host_of, is_this_host, listen
 from trocar.services.visualization.camera_feed import CameraFeed
-from trocar.services.visualization.feed import Feed, Feeds
+from trocar.services.visualization.feed import MARGIN_NS, Feed, Feeds
 from trocar.services.visualization.page_hands import PageHands
 
-MAX_CLIENTS = 16
-#: Least rate of a client, which distinguishes a slow picture from a frozen one.
+MAX_CLIENTS = 16  # a class and its teachers, as more would take the processor from the loops
+#: Least rate of a client, as a slow picture is to be told from a frozen one.
 MIN_HZ = 1.0
 _ECHO = struct.Struct("<Q")
-_MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
-_BUSY = 1013  # WebSocket close code: try again later
 _BOUNDARY = "frame"
 
 
@@ -88,7 +87,7 @@ class ViewServer:
 
     def run_until(self, deadline_ns: int) -> None:
         """Serve until `deadline_ns` of the monotonic clock."""
-        spare_ns = deadline_ns - time.monotonic_ns() - _MARGIN_NS
+        spare_ns = deadline_ns - time.monotonic_ns() - MARGIN_NS
         self._loop.run_until_complete(asyncio.sleep(max(0.0, spare_ns * 1e-9)))
         sleep_until(deadline_ns)
 
@@ -105,11 +104,11 @@ class ViewServer:
 
     async def _view(self, socket_: WebSocket) -> None:
         if not may_look(socket_.headers.get("origin"), socket_.headers.get("host")):
-            await socket_.close(code=1008)
+            await socket_.close(code=WS_1008_POLICY_VIOLATION)
             return
         await socket_.accept()
         if len(self._feeds) >= MAX_CLIENTS:
-            await socket_.close(code=_BUSY)
+            await socket_.close(code=WS_1013_TRY_AGAIN_LATER)
             return
         feed = self._feeds.add()
         sending = asyncio.ensure_future(_send(socket_, feed))
@@ -123,7 +122,7 @@ class ViewServer:
 
     async def _serve_hands(self, socket_: WebSocket) -> None:
         if not may_look(socket_.headers.get("origin"), socket_.headers.get("host")):
-            await socket_.close(code=1008)
+            await socket_.close(code=WS_1008_POLICY_VIOLATION)
             return
         await socket_.accept()
         with contextlib.suppress(WebSocketDisconnect, KeyError):  # it is gone, or sends bytes

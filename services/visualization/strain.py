@@ -8,7 +8,7 @@ from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from trocar.services.visualization.tissue import Bytes
 
 FULL = 0.2
-"""Strain at the end of the scale."""
+"""Strain at the end of the scale, as the page's (`strain.js`)."""
 _STOPS = 255.0 * np.array([[0.16, 0.2, 0.42], [0.13, 0.57, 0.55], [0.99, 0.9, 0.15], [0.86, 0.16, 0.12]])
 
 

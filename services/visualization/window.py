@@ -16,18 +16,19 @@ from trocar.services.runtime.loop.loop import sleep_until
 from trocar.services.runtime.process.health import LatencyPath
 from trocar.services.start.off_screen import on_screen
 from trocar.services.visualization.display import display_name
-from trocar.services.visualization.feed import Feed
+from trocar.services.visualization.feed import MARGIN_NS, Feed
 from trocar.services.visualization.outputs import Output
 from trocar.services.visualization.picture import Picture, PictureLayout
 from trocar.services.visualization.render_governor import Demand
 from trocar.services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
 
-#: Most pictures sent to the window and not drawn; meanwhile only the newest is kept.
+#: Most pictures sent to the window and not drawn: another would be older by a picture when it is drawn.
 _IN_FLIGHT = 1
+#: How long a window may take to open, as for a renderer without one; until it is opened again, as a person who has
+#: closed it is not to be pestered; and to close.
 _OPEN_S, _RETRY_S, _END_S = 30.0, 5.0, 2.0
 #: Attempts at the first window and their spacing, as a virtual display was seen to refuse one and accept the next.
 _TRIES, _SOON_S = 3, 0.5
-_MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
 
 
 class WindowOutput(Output):
@@ -67,7 +68,7 @@ class WindowOutput(Output):
 
     def wait_until(self, deadline_ns: int) -> None:
         """Exchange messages with the window."""
-        spare_ns = deadline_ns - time.monotonic_ns() - _MARGIN_NS
+        spare_ns = deadline_ns - time.monotonic_ns() - MARGIN_NS
         self._loop.run_until_complete(asyncio.sleep(max(0.0, spare_ns * 1e-9)))
         sleep_until(deadline_ns)
 

@@ -27,7 +27,9 @@ from trocar.services.visualization.render import Renderer
 from trocar.services.visualization.render_governor import RUNGS, RenderGovernor
 from trocar.services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, Splitter, pack
 
-_SIZE = (1280, 720)
+_SIZE = (1280, 720)  # HD; a person may enlarge it, and the governor draws fewer pixels where it must, as in software
+#: A key or a mouse is heard within less than a picture at 60 Hz; figures that change faster than four times a second
+#: are not read.
 _EVENTS_EVERY_S, _TELL_EVERY_S = 0.01, 0.25
 #: Niceness after the first picture: after the rest of the rig, but not after everything on the machine, as 19 would get
 #: only a 68th of another computing process.
@@ -57,7 +59,7 @@ class NativeWindow:
         self._bind()
         self._take_rung()
 
-    def take(self, kind: bytes, data: bytes) -> int | None:
+    def take_message(self, kind: bytes, data: bytes) -> int | None:
         """Process a message; return the sequence of a picture to be drawn."""
         if kind == HELLO:
             self._layout = codec.decode_hello(data.decode())
@@ -97,7 +99,7 @@ class NativeWindow:
 
     def _take_rung(self) -> None:
         rung = RUNGS[self._governor.rung]
-        self._renderer.take(rung.effects)
+        self._renderer.take_effects(rung.effects)
         window = self._renderer.plotter.render_window
         size = (round(rung.scale * _SIZE[0]), round(rung.scale * _SIZE[1]))
         if tuple(window.GetSize()) != size and not self._was_resized:
@@ -150,7 +152,7 @@ def main() -> int:
                 window.close()
                 return 0
             for kind, body in splitter.feed(data):
-                taken = window.take(kind, body)
+                taken = window.take_message(kind, body)
                 sequence = sequence if taken is None else taken
         if sequence is not None:
             window.draw()

@@ -42,7 +42,7 @@ def test_sockets_and_locks_of_processes_that_were_killed_are_removed_and_nothing
 
 @pytest.mark.parametrize("says_who", [True, False])
 def test_files_of_a_rig_that_is_alive_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says_who: bool) -> None:
-    monkeypatch.setattr(down, "_END_S", 0.1)
+    monkeypatch.setattr(down, "END_S", 0.1)
     monkeypatch.setattr(down, "_end", lambda *_: None)  # as if the process could not be ended
     transport = Transport(directory=tmp_path / "run")
     write_page_file(page_file(transport), "http://127.0.0.1:1", "token")

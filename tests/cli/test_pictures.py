@@ -39,7 +39,7 @@ def test_frames_come_in_their_time_and_as_a_person_asks(monkeypatch: pytest.Monk
 
     def after(seconds: float) -> int:
         now_s[0] += seconds
-        assert not player.turn()
+        assert not player.publish_due_frames()
         return bus.newest["gateway.state"]
 
     assert after(0.5) == tick_at(1.0)
@@ -69,7 +69,7 @@ def test_frames_come_in_their_time_and_as_a_person_asks(monkeypatch: pytest.Monk
     assert after(0.0) == tick_at(1.5)
     player.obey("")
     now_s[0] += 20.0
-    assert player.turn(), "the end that was asked for"
+    assert player.publish_due_frames(), "the end that was asked for"
 
 
 def test_at_its_end_it_stays_or_begins_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,15 +80,15 @@ def test_at_its_end_it_stays_or_begins_again(monkeypatch: pytest.MonkeyPatch) ->
     length_s = player.status().length_s
     player.obey(f"@{length_s - 0.5}")
     now_s[0] += 1.0
-    assert not player.turn()
+    assert not player.publish_due_frames()
     assert player.status().place_s == 0.0, "again"
     player.obey("l")
     now_s[0] += 2.0 * length_s
-    assert not player.turn(), "one may go back"
+    assert not player.publish_due_frames(), "one may go back"
     last = bus.newest["gateway.state"]
     assert player.status().place_s == length_s
     player.obey("@0")
-    player.turn()
+    player.publish_due_frames()
     assert bus.newest["gateway.state"] < last
 
 

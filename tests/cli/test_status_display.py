@@ -90,7 +90,7 @@ def test_a_first_start_is_told_at_once_where_nobody_has_a_terminal(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     display, _ = _display(monkeypatch, terminal=False)
-    display.turn(_starting("loading", 0.0))  # type: ignore[arg-type]
+    display.show_state(_starting("loading", 0.0))  # type: ignore[arg-type]
     out = capfd.readouterr().out.splitlines()
     assert out == ["the rig 'stub' is starting: open http://127.0.0.1:8080/#token=x", first_start.NOTICE]
 

@@ -17,9 +17,9 @@ def local_model(
 ) -> LocalModel:
     """Return the model of a tool that is the second of two, beside one that nothing was solved for."""
     reactions, instruments = Reactions(), InstrumentTable(2)
-    reactions.take(reaction_table((ToolReaction(), reaction)))
+    reactions.take_table(reaction_table((ToolReaction(), reaction)))
     other = InstrumentState(name="other", position_m=(0.0, 0.0, 0.0), velocity_m_s=(9.0, 9.0, 9.0))
-    instruments.take((other, instrument))
+    instruments.take_states((other, instrument))
     of_both = LocalModels((ForcepsScene(jaw_ratio=9.0), forceps), reactions.rows, instruments.rows)
     free, model = of_both.table(2, touching=touching).view()
     np.testing.assert_array_equal(free, 0.0)

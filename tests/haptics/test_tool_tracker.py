@@ -31,11 +31,11 @@ class Tracked:
         self.segments_m, self.present, self.jaws = self._tracker.segments_m, self._tracker.present, self._tracker.jaws
 
     def take_reactions(self, reactions: Sequence[ToolReaction]) -> None:
-        self.reactions.take(reaction_table(reactions))
+        self.reactions.take_table(reaction_table(reactions))
 
     def take_hands(self, state: GatewayState) -> list[ToolState]:
         """Return what physics is told."""
-        self._instruments.take(state.instruments)
+        self._instruments.take_states(state.instruments)
         told = self._tracker.take_hands(self._instruments.count)
         return [ToolState.from_row(row) for row in told.view().tolist()]
 

@@ -122,7 +122,7 @@ def test_a_finished_attempt_is_reported_with_a_jump_into_its_replay(page: School
     page.tell(attempt_id=ID, state="running", errors={}, from_tick=0)
     page.until(f"trocar.school.keeper.id === '{ID}'", "its pictures are kept")
     page.bench.replays.keep(ID, replay())
-    page.bench.take(assessed(ID, CRUSHED), None)
+    page.bench.take_assessment(assessed(ID, CRUSHED), None)
     page.tell(attempt_id=ID, state="done", outcome="success", reason="10.0 mm deep after 20.0 s", score=220.0)
     page.until("!document.getElementById('sheet').hidden", "the report opens by itself")
     page.until("Boolean(trocar.player?.tracks?.length)", "the replay is loaded")
@@ -145,7 +145,7 @@ def test_own_attempts_are_listed_and_two_are_seen_side_by_side(page: SchoolPage)
     page.bench.trainee = trainee
     for name in ("20261130T1-a", "20261130T1-b"):
         page.bench.replays.keep(name, replay())
-        page.bench.take(assessed(name), None)
+        page.bench.take_assessment(assessed(name), None)
     page.press("#my-attempts")
     page.until("document.querySelectorAll('table.attempts tbody tr').length >= 2", "the list")
     for k in (1, 2):
@@ -165,7 +165,7 @@ def test_own_hands_go_on_from_a_second_of_an_attempt(page: SchoolPage) -> None:
     folder.mkdir(exist_ok=True)
     (folder / "own.mcap").write_bytes(b"")
     page.bench.replays.keep("20261130T2-a", replay())
-    page.bench.take(assessed("20261130T2-a"), folder / "own.mcap")
+    page.bench.take_assessment(assessed("20261130T2-a"), folder / "own.mcap")
     page.browser.evaluate(f"trocar.school.sheet.report({page.bench.state()['last']})")
     page.until("Boolean(trocar.player?.tracks?.length) && document.getElementById('go-on') !== null", "the replay")
     page.browser.evaluate("trocar.player.go(3)")

@@ -134,7 +134,7 @@ def _haptics(scene: str, link: Connection) -> set[str]:
         frame = process.bus.latest("gateway.state")
         assert frame is not None
         haptics.answer(frame)
-        haptics.settle()
+        haptics.do_side_work()
     return _signatures() - before
 
 
@@ -149,7 +149,7 @@ def _physics(scene: str, link: Connection) -> set[str]:
         if frame is not None:  # on a rung of longer steps haptics speaks more seldom
             physics.obey(frame.body.tick // RUNG % len(model.quality))
             physics.advance(frame, clock.steps(frame.body.tick))
-            physics.settle()
+            physics.do_side_work()
     assert meter.tick > TICKS, "it heard all that was said"
     return _signatures() - before
 

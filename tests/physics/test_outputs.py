@@ -27,7 +27,7 @@ def test_the_inserted_length_is_measured_between_two_ticks_and_sixty_times_a_sec
         before = len(measured)
         rig.turn(FAR, FAR)
         assert len(measured) == before
-        rig.physics.settle()
+        rig.physics.do_side_work()
         frame = observer.latest("physics.state")
         assert frame is not None
         told.append(frame.body.catheter.inserted_length_m)
@@ -42,7 +42,7 @@ def test_while_the_rigs_time_stands_its_tick_has_one_state(rig: Rig, monkeypatch
     for tick in (0, 0, 0, 1):
         rig.tick = tick
         rig.turn(FAR, FAR)
-        rig.physics.settle()
+        rig.physics.do_side_work()
         frame = observer.latest("physics.state")
         assert frame is not None
         told.append(frame.body)
@@ -65,7 +65,7 @@ def test_between_the_same_two_ticks_it_measures_looks_for_orders_or_reports(
     for _ in range(40):
         rig.turn(FAR, FAR)
         before = len(done)
-        rig.physics.settle()
+        rig.physics.do_side_work()
         assert len(done) == before + 1
     ticks = [tick for tick, _ in done]
     assert len(set(ticks)) == len(ticks) == 40

@@ -46,7 +46,7 @@ def record(path: Path, rig: Rig, ticks: int, seed: int = 0) -> Path:
         assert frame is not None
         rig.haptics_process.bus.is_fresh = lambda *names: chance.random() > 0.02 and is_fresh(*names)
         rig.haptics.answer(frame)
-        rig.haptics.settle()
+        rig.haptics.do_side_work()
         if chance.random() < 0.05:
             continue  # physics has the next one
         contacts = rig.physics_process.bus.latest("haptics.contacts")
@@ -55,7 +55,7 @@ def record(path: Path, rig: Rig, ticks: int, seed: int = 0) -> Path:
         if tick % 300 == 150:
             rig.physics.obey(tick // 300 % 2)
         rig.physics.advance(contacts, rig.clock.steps(contacts.body.tick))
-        rig.physics.settle()
+        rig.physics.do_side_work()
     rig.haptics._journal.send()
     rig.physics._journal.send()
     for name in RECORDED:

@@ -28,7 +28,7 @@ from trocar.services.recordings.inputs import RecordedInputs, read_inputs
 from trocar.services.recordings.schedule import read_schedule
 from trocar.services.runtime.bus.zmq_bus import ZmqBus
 from trocar.services.runtime.config.rig import ReplaySettings, Transport
-from trocar.services.runtime.loop.loop import LoopMeter, follow
+from trocar.services.runtime.loop.loop import LoopMeter, follow_topic
 from trocar.services.runtime.process.health import HealthReporter
 
 
@@ -103,13 +103,13 @@ class Processes:
             publish = process.bus.publish
             process.bus.publish = lambda topic, body, **rest: (self._keep(body), publish(topic, body, **rest))[1]
             replay = ReplayedPhysics(stepping, read_schedule(self._settings))
-            for frame in self._frames(process, "haptics.contacts", meter, stepping.settle):
+            for frame in self._frames(process, "haptics.contacts", meter, stepping.do_side_work):
                 assert replay.take(frame)
 
     def _frames(
         self, process: Any, topic: str, meter: LoopMeter, settle: Callable[[], object] = lambda: None
     ) -> Iterator[Frame]:
-        return (each for each in follow(process.bus, topic, meter, process.stop, settle) if each is not None)
+        return (each for each in follow_topic(process.bus, topic, meter, process.stop, settle) if each is not None)
 
     def _keep(self, body: Any) -> None:
         if isinstance(body, PhysicsState):

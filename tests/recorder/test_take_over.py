@@ -123,7 +123,7 @@ class TakeOver:
             ticks = self._clock.steps(contacts.body.tick)
             if not self._replay.take(contacts):
                 self._physics.advance(contacts, ticks)
-            self._physics.settle()
+            self._physics.do_side_work()
 
 
 @pytest.fixture(scope="module")

@@ -132,7 +132,7 @@ def test_what_a_late_rig_says_a_hundred_times_is_said_once() -> None:
 def test_whatever_is_said_each_form_is_there_once_with_its_values(said: list[tuple[str, int, float]]) -> None:
     log = FaultLog()
     for form, count, share in said:
-        log.take(form.format(count, f"{share:.1f}"))
+        log.take_sentence(form.format(count, f"{share:.1f}"))
     sentences = log.sentences()
     forms = {form for form, *_ in said if form}
     assert len(sentences) == len(forms)

@@ -120,16 +120,16 @@ def test_errors_days_and_cusum_can_be_asked_for() -> None:
 
 
 def test_each_finished_attempt_is_kept_at_once_under_who_trains(bench: Bench, tmp_path: Path) -> None:
-    bench.take(attempt("a"), None)
+    bench.take_assessment(attempt("a"), None)
     bench.enter("heron-17")
-    bench.take(attempt("b"), None)
-    bench.take(attempt("c", outcome="abandoned"), None)
+    bench.take_assessment(attempt("b"), None)
+    bench.take_assessment(attempt("c", outcome="abandoned"), None)
     with bench.store() as store:
         assert sorted((each.trainee, each.scenario) for each in store.listed()) == [
             (GUEST, "basic"), ("heron-17", "basic"),
         ]  # fmt: skip
     silent = Bench(str(tmp_path / "b.sqlite"), keeps_guests=False)
-    silent.take(attempt("d"), None)
+    silent.take_assessment(attempt("d"), None)
     with silent.store() as store:
         assert store.listed() == []
 
@@ -140,7 +140,7 @@ def test_a_database_that_fails_is_told_and_loses_no_rig(bench: Bench, tmp_path: 
         broken.state()
     (tmp_path / "text.sqlite").write_text("this is no database, but a text that is long enough")
     wrong = Bench(str(tmp_path / "text.sqlite"))
-    wrong.take(attempt("a"), None)
+    wrong.take_assessment(attempt("a"), None)
     assert wrong.remark.startswith("the last attempt is not kept: ")
 
 
@@ -159,7 +159,7 @@ def test_a_report_says_what_cost_points_and_what_is_next(client: httpx.Client, b
     client.post("/enter", json={"trainee": "heron-17"}, headers=TRAINEE)
     state = client.post("/course", json={"course": "basics"}, headers=TRAINEE).json()
     assert (state["next"]["number"], state["next"]["of"]) == (1, len(load_course("basics").steps))
-    bench.take(attempt("a", began_ns=time.monotonic_ns()), None)
+    bench.take_assessment(attempt("a", began_ns=time.monotonic_ns()), None)
     state = client.get("/state", headers=TRAINEE).json()
     report = client.get(f"/attempts/{state['last']}", headers=TRAINEE).json()
     assert [(each["code"], each["points"], each["begin_s"]) for each in report["costs"]] == [("E8", 20.0, 4.0)]
@@ -172,7 +172,7 @@ def test_a_report_says_what_cost_points_and_what_is_next(client: httpx.Client, b
 def test_the_band_says_how_many_stand_behind_it(client: httpx.Client, bench: Bench) -> None:
     bench.enter("wren-2")
     for k, total in enumerate((260.0, 280.0)):
-        bench.take(attempt(f"e{k}", metrics={"time_s": 20.0, "total": total}, score=None), None)
+        bench.take_assessment(attempt(f"e{k}", metrics={"time_s": 20.0, "total": total}, score=None), None)
     assert (
         client.post("/mark", json={"trainee": "wren-2", "kind": "expert", "value": True}, headers=TRAINEE).status_code
         == 403
@@ -184,7 +184,7 @@ def test_the_band_says_how_many_stand_behind_it(client: httpx.Client, bench: Ben
 
 def test_a_rating_is_kept_with_the_attempt_and_in_the_journal(client: httpx.Client, bench: Bench) -> None:
     bench.enter("heron-17")
-    bench.take(attempt("a"), None)
+    bench.take_assessment(attempt("a"), None)
     rating = {"scale": "goals", "points": {"Efficiency": 4}, "by": "dr-b"}
     assert client.post("/attempts/1/rating", json=rating, headers=TRAINEE).status_code == 403
     assert client.post("/attempts/1/rating", json=rating, headers=INSTRUCTOR).status_code == 200
@@ -201,7 +201,7 @@ def test_a_rating_is_kept_with_the_attempt_and_in_the_journal(client: httpx.Clie
 
 def test_a_replay_is_kept_once_and_goes_with_its_trainee(client: httpx.Client, bench: Bench) -> None:
     bench.enter("heron-17")
-    bench.take(attempt("20261130T1-a"), None)
+    bench.take_assessment(attempt("20261130T1-a"), None)
     assert client.get("/replay/20261130T1-a", headers=TRAINEE).status_code == 404
     client.put("/replay/20261130T1-a", content=b"pictures", headers=TRAINEE)
     client.put("/replay/20261130T1-a", content=b"others", headers=TRAINEE)
@@ -217,7 +217,7 @@ def test_a_replay_is_kept_once_and_goes_with_its_trainee(client: httpx.Client, b
 
 def test_the_class_is_exported_by_an_instructor_alone(client: httpx.Client, bench: Bench) -> None:
     bench.enter("heron-17")
-    bench.take(attempt("a"), None)
+    bench.take_assessment(attempt("a"), None)
     for form in ("csv", "json", "xapi"):
         assert client.get(f"/export/{form}", headers=TRAINEE).status_code == 403
         assert "heron-17" in client.get(f"/export/{form}", headers=INSTRUCTOR).text

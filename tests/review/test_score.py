@@ -92,6 +92,39 @@ def test_rules_that_cannot_be_are_refused(tmp_path: Path) -> None:
         load_rules(path)
 
 
+@pytest.mark.parametrize(
+    ("rates", "is_sound"),
+    [
+        ("acceptable: 0.2, unacceptable: 0.2", False),
+        ("acceptable: 0.0, unacceptable: 0.2", False),
+        ("acceptable: 0.2, unacceptable: 1.0", False),
+        ("acceptable: 0.001, unacceptable: 0.999", True),
+        ("false_alarm: 0.0", False),
+        ("false_alarm: 0.5", False),
+        ("missed_alarm: 0.0", False),
+        ("missed_alarm: 0.5", False),
+        ("false_alarm: 0.001, missed_alarm: 0.499", True),
+        ("false_alarm: 0.499, missed_alarm: 0.001", True),
+    ],
+)
+def test_rates_of_a_chart_lie_strictly_within_their_bounds(tmp_path: Path, rates: str, is_sound: bool) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"penalty_s: {{critical: 1.0}}\ncusum: {{{rates}}}\n")
+    if is_sound:
+        assert load_rules(path).cusum != CusumRates()
+        return
+    with pytest.raises(ConfigError, match=r"mine.yaml: cusum: .* must"):
+        load_rules(path)
+
+
+def test_what_was_scored_stays_as_it_is() -> None:
+    score = score_of(SCENARIO, RULES, "success", 100.0, [], {})
+    assert score is not None
+    for holder, name in ((score, "total"), (RULES, "attempts_in_a_row"), (RULES.cusum, "acceptable")):
+        with pytest.raises(AttributeError):
+            setattr(holder, name, 0)
+
+
 RATES = CusumRates(acceptable=0.1, unacceptable=0.3, false_alarm=0.05, missed_alarm=0.1)
 
 

@@ -14,8 +14,8 @@ from trocar.services.runtime.bus import bus
 from trocar.services.runtime.process.process import Options
 from trocar.services.supervisor import session
 from trocar.services.supervisor.control import supervisor
+from trocar.services.supervisor.crew import restart_policy
 from trocar.services.supervisor.crew.fork_link import ForkServer
-from trocar.services.supervisor.page import page
 
 
 @pytest.fixture(autouse=True)
@@ -27,7 +27,7 @@ def faster_than_real(monkeypatch: pytest.MonkeyPatch) -> None:
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a rig settle, and start its page again, without the second or two that it takes for either."""
     monkeypatch.setattr(supervisor, "SETTLE_S", 0.2)
-    monkeypatch.setattr(page, "_RETRY_S", 0.2)
+    monkeypatch.setattr(restart_policy, "HELPER_BACKOFF_S", (0.2,))
 
 
 class _NoPage:
@@ -36,7 +36,7 @@ class _NoPage:
     def __init__(self, sock: socket.socket, *_: object) -> None:
         self._socket = sock
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Tell nobody."""
 
     def end(self) -> None:

@@ -162,13 +162,13 @@ def test_a_file_that_changed_is_said_once(written: Path) -> None:
     }
     said: list[str] = []
     changed = frozen_configuration.ChangedFiles(files, lambda _level, text: said.append(text))
-    changed.turn(1.0)
+    changed.run_turn(1.0)
     os.utime(written / "small.yaml")
-    changed.turn(3.0)
+    changed.run_turn(3.0)
     assert said == []
     (written / "small.yaml").write_text(f"{SCENE}# and more\n")
     for now_s in (3.5, 5.0, 7.0):
-        changed.turn(now_s)
+        changed.run_turn(now_s)
     assert said == [
         "supervisor: small.yaml has changed since the rig began, which goes on as it was read; "
         "the next start takes the change"

@@ -44,7 +44,7 @@ def _bytes_after(bench: Bench, report: RunReport, seconds: float) -> int:
         for peer in bench.peers.values():
             peer.turn(bench.now_s, _TURN_S)
         bench.supervisor.step(bench.now_s)
-        report.turn(bench.now_s)
+        report.watch_run(bench.now_s)
         bench.told()
     gc.collect()
     return tracemalloc.get_traced_memory()[0]

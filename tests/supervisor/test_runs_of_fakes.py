@@ -50,11 +50,11 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
     def scenario(supervisor: Supervisor) -> Scenario:
         report.append(run_report.RunReport(supervisor))
         while report[0].measured_s < 0.5:
-            report[0].turn(time.monotonic())
+            report[0].watch_run(time.monotonic())
             yield
         os.kill(supervisor.crew.members["haptics"].pid, signal.SIGKILL)
         while report[0].measured_s < 2.0:
-            report[0].turn(time.monotonic())
+            report[0].watch_run(time.monotonic())
             yield
 
     fakes.play(scenario, recorder="slow")
@@ -95,7 +95,7 @@ def test_a_process_that_does_not_end_is_killed_and_counts_no_longer(
     def scenario(supervisor: Supervisor) -> Scenario:
         report.append(run_report.RunReport(supervisor))
         while report[0].measured_s < 1.0:
-            report[0].turn(time.monotonic())
+            report[0].watch_run(time.monotonic())
             yield
         pids.append(supervisor.crew.members["recorder"].pid)
         asked_to_end_s.append(report[0].measured_s)
@@ -266,7 +266,7 @@ def test_a_command_that_was_given_up_is_not_carried_out_by_a_page_that_hung(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It armed the rig after `trocar arm` had failed with exit code 3."""
-    monkeypatch.setattr(silence, "_STOPPED_S", PATIENCE_S)
+    monkeypatch.setattr(silence, "HEARTBEAT_S", PATIENCE_S)
 
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)

@@ -46,7 +46,7 @@ def _told(messages: Iterator[Message], attempt: FollowedAttempt, observer: RigOb
     """Yield what the recorder keeps of a stream, and the attempt as the training process tells of it, up to its end."""
     yield "training.attempt", 0, word("armed", scenario=name)
     for topic, time_ns, body in messages:
-        observer.take({topic: Frame(1, topic, 1, 1, 0, 0, 0, True, body)}, time_ns)
+        observer.take_frames({topic: Frame(1, topic, 1, 1, 0, 0, 0, True, body)}, time_ns)
         if body.tick % KEPT_EVERY == 0:
             yield topic, time_ns, body
         if isinstance(body, GatewayState) and body.tick % KEPT_EVERY == 0:

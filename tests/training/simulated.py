@@ -56,7 +56,7 @@ class SimulatedRig:
             contacts = self._physics_process.bus.latest("haptics.contacts")
             assert contacts is not None
             self._physics.advance(contacts, self._clock.steps(contacts.body.tick))
-            self._physics.settle()
+            self._physics.do_side_work()
             for topic in FAST:
                 for frame in self._observer.drain(topic):
                     yield topic, tick * 1_000_000, frame.body

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
-from trocar.services.training.errors import ERRORS, RULES, ErrorEvent
+from trocar.protocol.topics import TICK_S
+from trocar.services.training.errors import ERRORS, RULES, ErrorEvent, ErrorLog
 from trocar.services.training.judge import Judge
+from trocar.services.training.procedure import Procedure
+from trocar.services.training.situation import Situation
 
 #: Evidence: what makes it an error, and what is nearly one. Values stand for a tenth of a second longer than it takes.
 CASES: dict[tuple[str, str], tuple[dict[str, Channel], dict[str, Channel]]] = {}
@@ -126,7 +129,7 @@ by_value("E14", "counter-traction", "traction", 0.01, 1.5, duct_squeeze=[(0.0, 1
 def judged(changes: dict[str, Channel], seconds: float = 16.0) -> tuple[Judge, list[ErrorEvent]]:
     judge = Judge(SCENARIO, SITE)
     for topic, time_ns, body in messages(changed(changes), seconds):
-        judge.take(topic, time_ns, body)
+        judge.take_frame(topic, time_ns, body)
     return judge, judge.log.events
 
 
@@ -168,3 +171,28 @@ def test_a_near_miss_is_no_error(code: str, name: str) -> None:
     changes = CASES[code, name][1]
     _, errors = judged(changes, until_s(changes))
     assert errors == []
+
+
+@pytest.mark.parametrize("begin_tick", [0, 7000, 12_345, 59_999])
+@pytest.mark.parametrize(("name", "evidence"), [("load on the rim", "rim_n"), ("force at the tip", "tip_n")])
+def test_evidence_that_stands_exactly_as_long_as_its_rule_says_is_an_error(
+    name: str, evidence: str, begin_tick: int
+) -> None:
+    """And a tick less is none, whatever the rounding of times."""
+    (rule,) = (rule for rule in RULES if rule.name == name)
+    beyond = {evidence: 1.5 * SCENARIO.limit(rule.limit)}
+    for ticks, n_errors in ((round(rule.for_s / TICK_S), 1), (round(rule.for_s / TICK_S) - 1, 0)):
+        log, procedure = ErrorLog(SCENARIO), Procedure(SCENARIO)
+        for tick in (begin_tick, begin_tick + ticks):
+            procedure.time_s = tick * TICK_S
+            log.take_situation(Situation(tick, [], np.zeros(3), 15e-3, **beyond), procedure)
+        assert len(log.events) == n_errors
+
+
+@pytest.mark.parametrize(("short_m", "retries"), [(0.45e-3, 1), (0.55e-3, 0)])
+def test_a_retry_begins_when_the_tip_is_back_within_half_a_millimetre(short_m: float, retries: int) -> None:
+    """It was 1 mm before the mouth, is drawn back by 2.5 mm more, and comes back to just so far from its best place."""
+    back = [(1.0, 6e-3), (2.0, 1e-3), (2.1, 1e-3), (2.2, 3.5e-3), (2.3, 1e-3 + short_m)]
+    judge, errors = judged({"gap": back, "inserted": [(0.0, 0.0)]}, 3.0)
+    assert judge.procedure.retries == retries
+    assert [error.evidence for error in errors if error.code == "E3"] == ["withdrawal before a retry"] * retries

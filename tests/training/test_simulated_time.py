@@ -87,8 +87,8 @@ class RigOfLateLoops:
         kept = [*self._listener.drain("gateway.state"), *map(as_state, moments[:])]
         self.recorded += [(each.topic, each.sent_ns, each.body) for each in sorted(kept, key=lambda f: f.sent_ns)]
         for moment in self._moments.take_frames(moments):
-            self.trainer.observer.take(moment, self.now_ns)
-            self.trainer.follow(self.now_ns * 1e-9)
+            self.trainer.observer.take_frames(moment, self.now_ns)
+            self.trainer.follow_attempt(self.now_ns * 1e-9)
         self.recorded.append(("training.attempt", self.now_ns, self.trainer.body()))
 
     def run(self) -> bodies.Attempt:

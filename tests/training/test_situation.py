@@ -49,7 +49,7 @@ def seen(changes: dict[str, Channel], seconds: float) -> Situation:
     """The last situation of an attempt."""
     observer, last = SituationReader(SITE), None
     for topic, _, body in messages(changed(changes), seconds):
-        last = observer.take(topic, body) or last
+        last = observer.take_body(topic, body) or last
     assert last is not None
     return last
 
@@ -72,7 +72,7 @@ def test_jaws_grip_the_duct_where_it_keeps_them_open(torque_nm: float, away_m: f
                 force_n=pack([[0.0, 0.0, 1.0]]),
             )
             body = msgspec.structs.replace(body, tools=pack(table), contacts=contacts)
-        situation = observer.take(topic, body) or situation
+        situation = observer.take_body(topic, body) or situation
     assert situation is not None
     assert [hand.grips_duct for hand in situation.hands] == [False, grips]
 
@@ -109,7 +109,7 @@ def test_a_clip_holds_on_when_the_jaws_that_closed_it_have_let_go(site: Site, ph
     """And where there is none, a wall that presses from both sides is no clip."""
     judge = Judge(SCENARIO, site)
     for message in messages(changed(CLIPPED), 11.0):
-        judge.take(*message)
+        judge.take_frame(*message)
     assert judge.procedure.phase == phase
 
 
@@ -119,7 +119,7 @@ def test_what_a_clip_presses_with_tells_whether_it_is_loose_or_crimps_or_leaks(
 ) -> None:
     judge = Judge(SCENARIO, CLIPPED_SITE)
     for message in messages(changed(CLIPPED | {"clipped": [(9.3, 0.0), (9.5, pressed_n)]}), 13.9):
-        judge.take(*message)
+        judge.take_frame(*message)
     assert judge.procedure.order[-2:] == ("P5", "P6")
     assert set(judge.errors) & {"E9", "E10"} == codes
 
@@ -127,7 +127,7 @@ def test_what_a_clip_presses_with_tells_whether_it_is_loose_or_crimps_or_leaks(
 def test_a_pull_at_a_catheter_under_a_clip_is_no_pressure_less() -> None:
     reader, last = SituationReader(CLIPPED_SITE), None
     for topic, _, body in messages(changed(CLIPPED | {"clip_drags": [(0.0, 0.3)]}), 11.0):
-        last = reader.take(topic, body) or last
+        last = reader.take_body(topic, body) or last
     assert last is not None
     assert last.clipped_n == pytest.approx(0.6, rel=1e-9)
 
@@ -157,7 +157,7 @@ def test_catheter_pulled_out_of_an_open_mouth_goes_back_to_the_approach() -> Non
 def test_live_judge_tells_phase_and_counts() -> None:
     judge = Judge(SCENARIO, SITE)
     for message in messages(changed(pulse("traction", 3.0, 0.3)), 5.0):
-        judge.take(*message)
+        judge.take_frame(*message)
     assert (judge.phase, judge.errors) == ("P4", {"E1": 1})
 
 
@@ -165,9 +165,9 @@ def test_time_is_that_of_ticks() -> None:
     procedure = Procedure(SCENARIO)
     observer = SituationReader(SITE)
     for topic, _, body in messages(GOOD, 1.0, first_tick=123_456):
-        situation = observer.take(topic, body)
+        situation = observer.take_body(topic, body)
         if situation is not None:
-            procedure.take(situation)
+            procedure.take_situation(situation)
     assert procedure.time_s == pytest.approx(0.98)
     assert math.isfinite(procedure.spans[-1].end_s)
 
@@ -176,17 +176,17 @@ def test_a_strange_peer_changes_nothing() -> None:
     """A clock that goes back, a catheter of one particle, holds of tools and segments that are not there."""
     judge = Judge(SCENARIO, SITE)
     for message in messages(GOOD, 1.0):
-        judge.take(*message)
+        judge.take_frame(*message)
     (_, _, gateway), (_, _, contacts), (_, _, state) = messages(GOOD, 0.02, first_tick=3000)
     one = pack(np.zeros((1, 3)))
     strange = [
         msgspec.structs.replace(state, tick=5),
         msgspec.structs.replace(state, catheter=msgspec.structs.replace(state.catheter, position_m=one)),
     ]
-    assert [judge.take("physics.state", 0, body) for body in strange] == [None, None]
+    assert [judge.take_frame("physics.state", 0, body) for body in strange] == [None, None]
     far = hold(tool=7, target=3), hold(tool=0, target=10**6)
     for body in (msgspec.structs.replace(contacts, holds=far), gateway, msgspec.structs.replace(state, tick=4000)):
-        judge.take("any", 0, body)
+        judge.take_frame("any", 0, body)
     assert judge.procedure.time_s == pytest.approx(3.0)
     assert set(judge.errors) == {"E13"}  # what was held is not any more
 
@@ -207,8 +207,8 @@ def test_no_sound_frame_ends_a_judge(data: st.DataObject) -> None:
             body = data.draw(strategies.bodies(TOPICS[name].body))
             if isinstance(body, GatewayState):
                 trace.take_devices(body)
-            situation = judge.take(name, 0, body)
+            situation = judge.take_frame(name, 0, body)
             if situation is not None:
-                trace.take(situation, judge.procedure)
+                trace.take_situation(situation, judge.procedure)
         judge.finish()
         assert judge.phase in PHASES

@@ -56,8 +56,8 @@ class Rig:
         physics = msgspec.structs.replace(physics, catheter=rod)
         said = {"gateway.state": gateway, "haptics.contacts": contacts, "physics.state": physics}
         frames = {name: Frame(1, name, 1, self.incarnation, 0, 0, 0, True, body) for name, body in said.items()}
-        self.trainer.observer.take(frames, self.now_ns)
-        self.trainer.follow(self.now_ns * 1e-9)
+        self.trainer.observer.take_frames(frames, self.now_ns)
+        self.trainer.follow_attempt(self.now_ns * 1e-9)
         told = self.trainer.body()
         if told.begins > self._told and not self.deaf:
             self.begins, self._told = self.begins + told.begins - self._told, told.begins
@@ -302,7 +302,7 @@ class MadeUpJudge:
     def errors(self) -> dict[str, int]:
         return {"E1": self.taken // 3}
 
-    def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
+    def take_frame(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
         self.taken += 1
 
 
@@ -343,7 +343,7 @@ class _Judged:
     def errors(self) -> dict[str, int]:
         return {each.code: 1 for each in self.events}
 
-    def take(self, *_: object) -> None:
+    def take_frame(self, *_: object) -> None:
         """See nothing wrong."""
 
     def finish(self) -> None:
@@ -390,7 +390,7 @@ def test_depth_on_the_way_to_a_branch_is_that_of_the_fork_on_another(branch, tip
     gateway = bodies.GatewayState(tick=5, instruments=(), begins=0)
     for catheter, expected_m in ((rod, depth_m), (outside, 0.0)):
         said = {"gateway.state": gateway, "physics.state": msgspec.structs.replace(physics, catheter=catheter)}
-        observer.take({name: Frame(1, name, 1, 1, 0, 0, 0, True, body) for name, body in said.items()}, 0)
+        observer.take_frames({name: Frame(1, name, 1, 1, 0, 0, 0, True, body) for name, body in said.items()}, 0)
         assert observer.observe().depth_m == pytest.approx(expected_m)
 
 
@@ -407,7 +407,7 @@ def test_no_attempt_counts_where_hands_went_on_from_a_recording() -> None:
     for _ in range(2):
         told = trainer.body()
         assert (told.counts, told.why_not) == (False, "it goes on from a recording")
-        trainer.begin("")
+        trainer.begin_attempt("")
 
 
 @pytest.mark.parametrize(("take_over", "goes_on"), [(True, True), (False, False)])

@@ -138,7 +138,7 @@ async def test_a_client_gets_as_many_pictures_as_it_wants_whatever_is_made():
             for sequence in range(made_hz):  # a second
                 clock.now_ns += round(1e9 / made_hz)
                 feed.offer(message(sequence))
-                parts = feed._take()
+                parts = feed._take_parts()
                 sent += len(parts)
                 if parts:
                     feed.acknowledge(sequence)

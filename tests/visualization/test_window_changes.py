@@ -33,20 +33,20 @@ size = window._renderer.plotter.render_window.GetSize
 window._renderer.plotter.render_window.AddObserver("EndEvent", lambda *_: drawn.append(size()))
 layout, picture = a_scene()
 window._governor.drawn = lambda *_: False
-window.take(HELLO, codec.encode_hello(layout).encode())
+window.take_message(HELLO, codec.encode_hello(layout).encode())
 began = window._governor.rung
 for rung in (began, began, len(RUNGS) - 1, 0):
     drawn.clear()
     window._governor = SimpleNamespace(rung=rung, rate_hz=0.0, drawn=lambda *_: False)
     window._take_rung()
-    window.take(FRAME, codec.encode(picture, 0))
+    window.take_message(FRAME, codec.encode(picture, 0))
     window.draw()
     seen[f"{len(seen)}: rung {rung}"] = len(drawn)
 window._governor = SimpleNamespace(rung=len(RUNGS) - 1, rate_hz=0.0, drawn=lambda *_: True)
 before = size()
 window.draw()
 while_it_starts = size()
-window.take(NOTICE, json.dumps({"state": "armed", "reason": "", "safe_stop": False}).encode())
+window.take_message(NOTICE, json.dumps({"state": "armed", "reason": "", "safe_stop": False}).encode())
 window.draw()
 print(json.dumps({"drawn": seen, "before": before, "starting": while_it_starts, "after": size(), "last": drawn[-1]}))
 """

@@ -134,7 +134,7 @@ class Episode:
         """Pass the present state to the procedure."""
         contacts, state = self._framer.solved(self.tick)
         self.frames = {each.topic: each for each in (devices, contacts, state)}
-        self._trainer.observer.take(self.frames, self.tick * TICK_NS)
+        self._trainer.observer.take_frames(self.frames, self.tick * TICK_NS)
         if self._recording is not None:
             if self.tick == 0:
                 self._recording.take_tick(devices, 0)
@@ -142,7 +142,7 @@ class Episode:
             self._recording.take(state)
 
     def _follow(self) -> None:
-        self._trainer.follow(self.time_s)
+        self._trainer.follow_attempt(self.time_s)
         if self._recording is not None:
             if self._trainer.gist() != self._told:
                 self._tell(self.tick)

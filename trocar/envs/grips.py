@@ -48,7 +48,7 @@ class Grips:
         ``newest`` returns the last solved state, and is called only while jaws close; None before the first step.
         """
         self._instruments[:, :3], self._instruments[:, ROLL:HANDLE_RATE] = state[:, :3], state[:, 3:]
-        self.hands = self._grasping.follow(self._n_tools)
+        self.hands = self._grasping.follow_hands(self._n_tools)
         if newest is not None and self._grasping.closing:
             self._grasping.update_shapes(newest())
         self.holds = self._grasping.update()

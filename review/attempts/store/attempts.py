@@ -40,7 +40,7 @@ _WHOLE = (
     StoredAttempt.assessment,
 )  # fmt: skip
 _INSERTS: dict[str, Callable[..., Any]] = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}
-_LARGEST_NUMBER = 2**31 - 1
+_LARGEST_NUMBER = 2**31 - 1  # as PostgreSQL's integer
 
 
 class Listed(msgspec.Struct, frozen=True):

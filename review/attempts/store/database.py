@@ -25,8 +25,8 @@ from trocar.services.runtime.errors import MissingPackageError, UserError
 ENVIRONMENT = "TROCAR_ATTEMPTS"
 #: How long who writes waits for others.
 PATIENCE_S = 60
-_CONNECT_S = 10
-#: Any number: that of the lock in PostgreSQL.
+_CONNECT_S = 10  # a database that answers at all does so in less, over any network
+#: Number of the lock in PostgreSQL: any one, as nobody else locks by number in this database.
 _LOCK = 32
 _DRIVERS = {"sqlite": {}, "postgresql": {"connect_timeout": _CONNECT_S}}
 

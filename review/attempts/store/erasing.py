@@ -12,7 +12,7 @@ from trocar.review.attempts.store.database import Database, DiskFullError, Unkno
 from trocar.review.attempts.store.recordings import Plan, from_stored, is_there
 from trocar.review.attempts.store.tables import StoredAttempt, Trainee
 
-#: Numbers in one question.
+#: Numbers in one question: below the 999 variables that SQLite allowed until 3.32.
 _AT_ONCE = 500
 
 

@@ -16,7 +16,7 @@ from trocar.review.attempts.store.tables import StoredAttempt
 Query = Select[*tuple[Any, ...]]
 #: What a row raises whose bytes are not those that were written.
 DAMAGED = (DBAPIError, TypeError, ValueError, zlib.error)
-_NAMED = 10
+_NAMED = 10  # so that a message stays a sentence
 
 
 class Record(Protocol):

@@ -32,12 +32,11 @@ from trocar.services.files.atomic_file import atomic_file
 from trocar.services.runtime.bus import endpoints
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import BusError, ConfigError
-from trocar.services.runtime.measures.flight import flight_directory
+from trocar.services.runtime.measures.flight import LOOK_S, flight_directory
 from trocar.services.runtime.measures.flights import Flight, Flights, ThreadTime, read_file, read_rings, to_bytes
 
-_LOOK_S = 1.0
-_THREADS = 8
-_WIDTH = 110
+_THREADS = 8  # that took most of a core; the table of a tick then fits half a screen
+_WIDTH = 110  # of a file or pipe: the time line's 60 and names and cores beside it
 #: Of the time line: with names and cores beside it, it fits a terminal as it is opened.
 _LINE = 60
 _WORDS = "mostly; longest stage"
@@ -99,7 +98,7 @@ def _now(rig: str, overrides: tuple[str, ...]) -> Flights:
     with watching(rings):
         for _ in range(2):
             threads.sample(time.monotonic(), pids)
-            time.sleep(_LOOK_S)
+            time.sleep(LOOK_S)
         threads.sample(time.monotonic(), pids)
         flights = read_rings(rings)
     now = datetime.now(UTC).isoformat(timespec="seconds")

@@ -14,7 +14,7 @@ from trocar.protocol.frame import Header
 from trocar.protocol.topics import TOPICS
 from trocar.protocol.upgrades import body_type
 
-_LONG = 12
+_LONG = 12  # numbers that still fit a line of a terminal; the longest array of fixed size has 9, for a rotation
 
 
 def unpack(data: bytes) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def _item(field: Field, value: Any) -> Any:
 
 
 def _is_array(value: Any) -> bool:
-    """Whether `value` has the shape of ``[dtype, shape, bin]``: what a stranger sends is shown as it came."""
+    """Return whether `value` has the shape of ``[dtype, shape, bin]``; anything else is shown as it came."""
     if not isinstance(value, list) or [type(item) for item in value] != [str, list, bytes]:
         return False
     return all(isinstance(length, int) for length in value[1])

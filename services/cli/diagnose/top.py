@@ -16,6 +16,7 @@ from rich.text import Text
 
 import trocar.protocol.bodies as bodies
 from trocar import protocol
+from trocar.protocol.topics import HEALTH_S, HEARTBEAT_S
 from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.bus.endpoints import lock_holders
 from trocar.services.runtime.bus.zmq_bus import ZmqBus
@@ -26,8 +27,8 @@ from trocar.services.supervisor.judge import figures
 from trocar.services.supervisor.judge.window import Window
 from trocar.services.supervisor.page.dashboard import loop_row, topic_rows
 
-_TURN_S = 0.1
-_STALE_S = 1.0
+_TURN_S = HEALTH_S
+_STALE_S = 2 * HEARTBEAT_S  # twice, as this process is of the ordinary class and hears late on a busy machine
 _QUANTILES = tuple(field.name for field in fields(Quantiles))
 #: Of a terminal as it is opened; all tables fit.
 _WIDTH = 80

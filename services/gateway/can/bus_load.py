@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trocar.services.gateway.devices.clock import Clock
 
-_WINDOW_NS = 500_000_000
+_WINDOW_NS = 500_000_000  # five heartbeats of each drive, the slowest of its frames, so that a window has all kinds
 #: Bits of a classic frame with a standard identifier, from start to the pause after it, without data; bits of these
 #: that are subject to stuffing (at worst one after each four); and additional bits of an extended identifier.
 _FIXED_BITS, _STUFFED_BITS, _EXTENDED_BITS = 47, 34, 20

@@ -24,8 +24,7 @@ from trocar.services.runtime.errors import DeviceError
 
 #: Drives send a heartbeat ten times a second.
 _LISTEN_S = 0.5
-_ASK_EVERY_S = 0.1
-_UP = 1
+_UP = 1  # Linux: IFF_UP of <net/if.h>
 _ARPHRD_CAN = "280"
 _MAKE_VIRTUAL = "sudo modprobe vcan; sudo ip link add dev NAME type vcan; sudo ip link set NAME up"
 #: Longer queues in the kernel would send outdated torques.
@@ -187,8 +186,8 @@ class _Heard:
         until_s, ask_s = time.monotonic() + seconds, 0.0
         while time.monotonic() < until_s:
             if time.monotonic() >= ask_s:
-                ask_s = time.monotonic() + _ASK_EVERY_S
-                self._ask()
+                ask_s = time.monotonic() + cansimple.HEARTBEAT_S
+                self._ask_versions()
             for message in canbus.drain(self._bus):
                 self._frames += 1
                 if not message.is_extended_id and not message.is_remote_frame:
@@ -196,7 +195,7 @@ class _Heard:
                         self._take_frame(message.arbitration_id, bytes(message.data))
             time.sleep(0.01)
 
-    def _ask(self) -> None:
+    def _ask_versions(self) -> None:
         for node in self._nodes:
             if self._firmware.get(node, FirmwareCheck()).version is None:
                 identifier = cansimple.identifier(node, cansimple.GET_VERSION)

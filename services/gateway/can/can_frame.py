@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import socket
 import struct
 from collections.abc import Iterator
 
-SIZE = 16
-EXTENDED, REMOTE = 0x80000000, 0x40000000
-ADDRESS = 0x1FFFFFFF
+EXTENDED, REMOTE = socket.CAN_EFF_FLAG, socket.CAN_RTR_FLAG
+ADDRESS = socket.CAN_EFF_MASK
 
 _FRAME = struct.Struct("=IB3x8s")
+SIZE = _FRAME.size
 
 
 def pack(identifier: int, data: bytes) -> bytes:

@@ -16,7 +16,7 @@ from trocar.services.runtime.errors import DeviceError
 
 #: Most frames of one `drain`: the backlog of half a second, and a bound on a tick's time.
 DRAIN_LIMIT = 512
-DEFAULT_BITRATE = 1e6
+DEFAULT_BITRATE = 1e6  # ISO 11898: the most of classic CAN
 #: Errors in a row, of unreadable frames or a lost bus, after which a `drain` ends.
 _STRANGE_LIMIT = 16
 

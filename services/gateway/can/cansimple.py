@@ -8,12 +8,15 @@ from __future__ import annotations
 import struct
 from enum import IntEnum, IntFlag
 
+# Commands by ODrive's documentation of CANSimple:
 GET_VERSION, HEARTBEAT, ESTOP, GET_ERROR = 0x00, 0x01, 0x02, 0x03
 SET_AXIS_STATE, GET_ENCODER_ESTIMATES, SET_CONTROLLER_MODE = 0x07, 0x09, 0x0B
 SET_INPUT_TORQUE, SET_LIMITS, GET_TEMPERATURE, CLEAR_ERRORS, GET_TORQUES = 0x0E, 0x0F, 0x15, 0x18, 0x1C
 
+#: Period of heartbeats as a drive is delivered (firmware 0.6).
+HEARTBEAT_S = 0.1
 MAX_NODE = 0x3E  # 0x3F is a drive without a number
-CONTROL_TORQUE, INPUT_PASSTHROUGH = 1, 1
+CONTROL_TORQUE, INPUT_PASSTHROUGH = 1, 1  # modes by the same documentation
 
 _HEARTBEAT = struct.Struct("<IBBBx")
 _VERSION = struct.Struct("<BBBBBBBB")

@@ -9,9 +9,10 @@ from collections import deque
 import can
 
 from trocar.services.gateway.can import can_frame
+from trocar.services.gateway.can.canbus import DRAIN_LIMIT
 
 #: Bytes read at once: a second of one handle's frames.
-_READ = 512 * can_frame.SIZE
+_READ = DRAIN_LIMIT * can_frame.SIZE
 
 
 class LocalBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by mypy

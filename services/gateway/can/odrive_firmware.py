@@ -11,8 +11,8 @@ import struct
 
 from trocar.services.gateway.can import cansimple
 
-NEEDED = (0, 6)
-_OLD = (0, 5)
+NEEDED = (0, 6)  # the firmware whose frames `cansimple` has
+_OLD = (0, 5)  # the firmware that is told by its heartbeat, without an answer to Get_Version
 #: Errors of firmware 0.5 whose bits are unused in 0.6: sensorless, homing, over-temperature, unknown position.
 _OLD_ERRORS = 0x80 | 0x20000 | 0x40000 | 0x80000
 

@@ -12,8 +12,8 @@ from trocar.services.gateway.can.bus_load import BusLoad
 from trocar.services.gateway.can.odrive_firmware import FirmwareCheck
 from trocar.services.gateway.devices.clock import Clock
 
-_TORQUE_BYTES = 4
-_ASK_EVERY_NS = 100_000_000
+_TORQUE_BYTES = struct.calcsize("<f")
+_ASK_EVERY_NS = round(1e9 * cansimple.HEARTBEAT_S)
 
 
 class OdriveLink:

@@ -15,8 +15,8 @@ _FRAMES = (b"t", b"T", b"r", b"R")
 _ENDS = bytes.maketrans(b"\a\n", b"\r\r")
 #: Answers to commands and to frames that were sent.
 _ANSWERS = (b"", b"z", b"Z")
-_READ = 4096
-#: Longest line: a frame of eight bytes has 26 characters, and its time stamp four.
+_READ = 4096  # all that Linux keeps of a serial line's input
+#: Longest line: twice a frame of eight bytes, which has 26 characters and four of a time stamp.
 _LONGEST = 64
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+from trocar.protocol.topics import TICK_NS, TICK_S
 from trocar.services.gateway.devices.background_open import BackgroundOpen
 from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.devices.device_files import ArmFile
@@ -29,11 +30,12 @@ from trocar.services.runtime.errors import DeviceError
 #: without real-time priority may stand still for some 10 ms on a busy host: meanwhile forces fade, as they are late.
 SILENT_NS, RESTING_NS = 200_000_000, 5_000_000
 #: A force that was given otherwise than it was ordered is told to have come this late, which no books cover.
-_LATE_NS = (FLIGHTS + 1) * 1_000_000
+_LATE_NS = (FLIGHTS + 1) * TICK_NS
 #: Share of a newest tick in a mean, and mean share of ticks without an answer from which on forces come too late.
 _NEWEST, _SLOW = 0.02, 0.3
-_TICK_NS = 1_000_000
-_OPEN_S, _CLOSE_S, _TURN_S = 2.0, 0.05, 1e-3
+#: How long an arm may take until it tells its place, and to be free of force: that falls from 3 N in 15 ms (200 N/s).
+#: The first is an assumption: what runs answers within milliseconds.
+OPEN_S, CLOSE_S = 2.0, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ class ArmConnection(ABC):
         """Return what was answered since the last call. Never waits."""
 
     @abstractmethod
-    def ask(self, force_n: Vector3, now_ns: int) -> None:
+    def ask_state(self, force_n: Vector3, now_ns: int) -> None:
         """Ask for the arm's state, giving it a force in its frame. Never waits."""
 
     @property
@@ -124,11 +126,11 @@ class AskedArm(Arm):
     def open(self) -> None:
         """Open the arm and wait until it tells where it is."""
         link = self.connect()
-        self._begin(link)
-        until_ns = self._clock.monotonic_ns() + round(1e9 * _OPEN_S)
+        self._begin_exchange(link)
+        until_ns = self._clock.monotonic_ns() + round(1e9 * OPEN_S)
         while not self._motion.sampled_ns and not link.lost and self._clock.monotonic_ns() < until_ns:
             self._exchange(link, NO_FORCE)
-            self._clock.sleep(_TURN_S)
+            self._clock.sleep(TICK_S)
             self._hear(link, self._clock.monotonic_ns())
         if not self._motion.sampled_ns:
             raise DeviceError(
@@ -186,7 +188,7 @@ class AskedArm(Arm):
         """
         age_ns = self._clock.monotonic_ns() - self._motion.sampled_ns
         if self.skipped:
-            age_ns += max(_TICK_NS, self._between_ns)
+            age_ns += max(TICK_NS, self._between_ns)
         return max(written_ns - read_ns, min(age_ns if self._as_ordered or self.skipped else _LATE_NS, _LATE_NS))
 
     def gauges(self) -> dict[str, float]:
@@ -205,15 +207,15 @@ class AskedArm(Arm):
             link = opening.take_opened()[0] or link
         if link is None:
             return
-        until_ns = self._clock.monotonic_ns() + round(1e9 * _CLOSE_S)
+        until_ns = self._clock.monotonic_ns() + round(1e9 * CLOSE_S)
         asked = False
         while not link.lost and self._clock.monotonic_ns() < until_ns and not (asked and link.outstanding == 0):
             asked = self._exchange(link, NO_FORCE) or asked
-            self._clock.sleep(_TURN_S)
+            self._clock.sleep(TICK_S)
             link.answers(self._clock.monotonic_ns())
         link.close()
 
-    def _begin(self, link: ArmConnection) -> None:
+    def _begin_exchange(self, link: ArmConnection) -> None:
         self._link = link
         self._motion.forget_motion()
         self._force = LimitedForce(self._rate_n_s)
@@ -232,7 +234,7 @@ class AskedArm(Arm):
         if link is None:
             self.fault = problem.removeprefix(f"{self.where}: ")
             return old
-        self._begin(link)
+        self._begin_exchange(link)
         if self._enabled:
             link.switch_on()
         return link
@@ -243,7 +245,7 @@ class AskedArm(Arm):
             return False
         now_ns = self._clock.monotonic_ns()
         given, self._as_ordered = self._force.next(force_n, now_ns)
-        link.ask(given, now_ns)
+        link.ask_state(given, now_ns)
         return True
 
     def _hear(self, link: ArmConnection, now_ns: int) -> None:

@@ -26,7 +26,8 @@ _SPEED = between(0.01, 1000.0, "turns/s", "no motor of a handle is faster, and w
 _OFFSET = Annotated[float, between(-1.0, 1.0, "m", "the workspace of the largest arm, a Premium 3.0, is 0.84 m wide")]
 
 
-#: Share of a friction told that is relied on if a file does not tell it: docs/results/haptics.md has what it costs.
+#: Share of a friction told that is relied on if a file does not tell it: what it costs was measured
+#: (docs/results/haptics.md).
 SURE_FRICTION = 0.25
 
 

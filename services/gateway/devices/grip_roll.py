@@ -6,7 +6,7 @@ import math
 
 from trocar.services.gateway.servo.slew import slew
 
-#: No hand turns a grip faster, rad/s.
+#: No hand turns a grip faster, rad/s: five turns a second. An assumption, which only smooths what is told wrong.
 _FASTEST_RAD_S = 30.0
 
 

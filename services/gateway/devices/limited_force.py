@@ -10,13 +10,14 @@ import math
 
 from trocar.protocol.topics import TICK_S
 from trocar.services.gateway.servo.servo_law import MAX_STEP_S
+from trocar.services.gateway.servo.slew import slew_vector
 from trocar.services.runtime.config.rig import Vector3
 
 #: A device that got no force for longer may have let go, so the next begins at none.
 FORGOTTEN_NS = 5_000_000
-SPARE_S = 0.5 * TICK_S
+SPARE_S = 0.5 * TICK_S  # half a tick early, half a tick late: more is another tick
 NO_FORCE: Vector3 = (0.0, 0.0, 0.0)
-_EXACT_N = 1e-9
+_EXACT_N = 1e-9  # far beyond the rounding of newtons, far below what a motor resolves
 
 
 class LimitedForce:
@@ -39,13 +40,10 @@ class LimitedForce:
         else:
             self.given, self._credit_s = NO_FORCE, TICK_S
         self._given_ns = now_ns
-        x, y, z = self._fallen(wanted)
-        dx, dy, dz = wanted[0] - x, wanted[1] - y, wanted[2] - z
-        size_n, most_n = math.sqrt(dx * dx + dy * dy + dz * dz), self._rate_n_s * self._credit_s
-        share = most_n / size_n if size_n > most_n else 1.0
-        self._credit_s -= share * size_n / self._rate_n_s
-        self.given = (x + share * dx, y + share * dy, z + share * dz)
-        return self.given, size_n <= most_n + _EXACT_N
+        fallen = self._fallen(wanted)
+        self.given = slew_vector(fallen, wanted, self._rate_n_s * self._credit_s)
+        self._credit_s -= math.dist(fallen, self.given) / self._rate_n_s
+        return self.given, math.dist(self.given, wanted) <= _EXACT_N
 
     def _fallen(self, wanted: Vector3) -> Vector3:
         """Return what the last force may fall to at once on its way to the wanted one."""

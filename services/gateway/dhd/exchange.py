@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from trocar.services.gateway.dhd.library import DhdLibrary, DhdState
 from trocar.services.runtime.config.rig import Vector3
 
-#: Exchanges from one look at the states to the next.
+#: Exchanges from one look at the states to the next, which only a person changes: as long as an order is trusted.
 _LOOK_EVERY = 20
-_FRAME = 9
+_FRAME = 9  # a rotation matrix, row by row
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class DhdDevice:
         place = None if problem else (x, y, z)
         buttons = int(c.dhdGetButtonMask(handle)) & 0xFFFF
         calibrated = None if self._states is None else self._is(DhdState.CALIBRATED)
-        return DhdSample(place, self._turn(), self._opening(), buttons, calibrated, problem, prompt)
+        return DhdSample(place, self._read_turn(), self._opening(), buttons, calibrated, problem, prompt)
 
     def _is(self, state: DhdState) -> bool:
         return bool(self._states and self._states[state] == 1)
@@ -96,7 +96,7 @@ class DhdDevice:
             return "", "bears no force: press its force button"
         return "", ""
 
-    def _turn(self) -> float | None:
+    def _read_turn(self) -> float | None:
         if not self.has_wrist or self.library.c.dhdGetOrientationFrame(self._frame, self.handle) < 0:
             return None
         frame = list(self._frame)

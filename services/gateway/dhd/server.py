@@ -9,6 +9,8 @@ from collections import deque
 
 from trocar.services.gateway.devices.asked_arm import ArmAnswer
 from trocar.services.gateway.devices.clock import Clock
+from trocar.services.gateway.devices.limited_force import NO_FORCE
+from trocar.services.gateway.devices.vendor_library import RAISE_EVERY
 from trocar.services.gateway.dhd.exchange import DhdDevice, DhdSample
 from trocar.services.gateway.dhd.library import DhdLibrary
 from trocar.services.runtime.config.rig import Vector3
@@ -16,10 +18,7 @@ from trocar.services.runtime.errors import DeviceError
 
 #: An order is trusted for so long; a gateway that stands still gives the hand nothing.
 STALE_NS = 20_000_000
-#: Questions between looks whether this process has become real-time, which happens when its loop begins.
-_RAISE_EVERY = 16
-_JOIN_S = 1.0
-_NONE: Vector3 = (0.0, 0.0, 0.0)
+_JOIN_S = 1.0  # a call under way takes about a millisecond; one that takes longer hangs
 
 
 class DeviceServer:
@@ -40,7 +39,7 @@ class DeviceServer:
         self.asked = self.answered = 0
         self.answers: deque[tuple[int, DhdSample]] = deque(maxlen=8)
         self._clock = clock
-        self._order: tuple[int, Vector3] = (0, _NONE)
+        self._order: tuple[int, Vector3] = (0, NO_FORCE)
         self._grip: tuple[int, float] = (0, 0.0)
         self._motors = self._ended = self._is_raised = False
         self._wake = threading.Event()
@@ -51,11 +50,11 @@ class DeviceServer:
         self._thread = threading.Thread(target=self._run, name=f"serves-{self.model}", daemon=True)
         self._thread.start()
 
-    def ask(self, force_n: Vector3, now_ns: int) -> None:
+    def ask_state(self, force_n: Vector3, now_ns: int) -> None:
         """Ask for an exchange with this force on the arm."""
         self._order = (now_ns, force_n)
         self.asked += 1
-        if not self._is_raised and self.asked % _RAISE_EVERY == 0:
+        if not self._is_raised and self.asked % RAISE_EVERY == 0:
             self._raise_priority()
         self._wake.set()
 
@@ -89,8 +88,8 @@ class DeviceServer:
                 self._wake.clear()
                 self._exchange()
             elif self._motors:
-                self._push(_NONE, 0.0)
-        self._push(_NONE, 0.0)
+                self._push(NO_FORCE, 0.0)
+        self._push(NO_FORCE, 0.0)
         self.device.switch(on=False)
         self.device.library.c.dhdClose(self.device.handle)
         self.lost = self.lost or "is closed"
@@ -99,7 +98,7 @@ class DeviceServer:
         asked_ns, force_n = self._order
         grip_ns, grip_n = self._grip
         now_ns = self._clock.monotonic_ns()
-        trusted = force_n if now_ns - asked_ns <= STALE_NS else _NONE
+        trusted = force_n if now_ns - asked_ns <= STALE_NS else NO_FORCE
         problem = self._push(trusted, grip_n if now_ns - grip_ns <= STALE_NS else 0.0)
         sample = self.device.read_sample()
         if problem and not sample.problem:

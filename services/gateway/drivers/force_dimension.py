@@ -43,9 +43,9 @@ class DeviceLink(ArmConnection):
         """Switch the motors on."""
         self._server.switch_on()
 
-    def ask(self, force_n: Vector3, now_ns: int) -> None:
+    def ask_state(self, force_n: Vector3, now_ns: int) -> None:
         """Ask for an exchange; the library's axes are those of an arm: toward the user, right, up."""
-        self._server.ask(force_n, now_ns)
+        self._server.ask_state(force_n, now_ns)
 
     def answers(self, now_ns: int) -> list[ArmAnswer]:
         """Return what exchanges have told."""

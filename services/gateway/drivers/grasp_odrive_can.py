@@ -26,7 +26,8 @@ from trocar.services.runtime.config import config
 from trocar.services.runtime.config.rig import DriverSettings, Settings
 from trocar.services.runtime.errors import DeviceError
 
-_ARM_TIMEOUT_S = _VERSION_TIMEOUT_S = 0.5
+#: A drive answers at once, and tells its state with a heartbeat, of which single ones may be late or lost.
+_ARM_TIMEOUT_S = _VERSION_TIMEOUT_S = 5 * cansimple.HEARTBEAT_S
 #: How far below zero a handle pressed shut may be, as a share of its largest angle.
 _BELOW_SHUT = 0.25
 #: Speeds beyond this multiple of the drive's own limit are none: it lets go at 1.2 times that.

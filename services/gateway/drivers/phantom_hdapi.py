@@ -9,9 +9,11 @@ from pydantic import Field
 
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
 from trocar.services.gateway.devices import driver
+from trocar.services.gateway.devices.asked_arm import CLOSE_S
 from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.gateway.devices.driver import Arm, Place
 from trocar.services.gateway.devices.host_check import HostCheck
+from trocar.services.gateway.devices.vendor_library import RAISE_EVERY
 from trocar.services.gateway.hdapi import cells, exchange, host_checks, session
 from trocar.services.gateway.hdapi.constants import Calibration, Style, describe
 from trocar.services.gateway.hdapi.error_stack import unreachable
@@ -34,13 +36,11 @@ from trocar.services.runtime.config.rig import DriverSettings, Settings
 from trocar.services.runtime.errors import DeviceError
 
 #: How long a started scheduler may take until its first call, and a released arm until it is free of force.
-_START_S, _LET_GO_S = 1.0, 0.05
-#: Reads in a row (ms of this process) that may find no new state of the arm.
+_START_S, _LET_GO_S = 1.0, CLOSE_S
+#: Reads in a row (ms of this process) that may find no new state of the arm: as long as a force model lives at most.
 _SILENT_READS = 20
 #: Frames in a row that may refuse force; a person who moves too fast for a moment is no fault.
 _REFUSED_FRAMES = 200
-#: Reads between checks whether this process has become real-time, which happens when its loop begins.
-_RAISE_EVERY = 16
 _PROMPTS = {
     Style.AUTO: "move the arm a little until it has calibrated itself",
     Style.INKWELL: "put the stylus into its inkwell: the arm is not calibrated",
@@ -160,7 +160,7 @@ class Driver(Arm):
         if heard == exchange.CHANGED or (self._unsettled and heard):
             self._judge(arm, arm.port.newest.tolist())
         self._reads += 1
-        if self._reads % _RAISE_EVERY == 0 and self._session is not None:
+        if self._reads % RAISE_EVERY == 0 and self._session is not None:
             self._session.raise_priority()
 
     def evaluate(
@@ -218,7 +218,7 @@ class Driver(Arm):
         self._read_at = seen[cells.SEEN_TIME]
         self.buttons = int(seen[cells.SEEN_BUTTONS])
         self.calibrated = seen[cells.SEEN_CALIBRATION] == Calibration.OK and not self.is_reopening
-        self.prompt = self._ask(arm, seen, pausing)
+        self.prompt = self._ask_person(arm, seen, pausing)
         is_answer = seen[cells.SEEN_ARMED] == self._armed
         if self.is_reopening:
             self._go_on(arm)
@@ -253,7 +253,7 @@ class Driver(Arm):
             problem = self._weakness(opened)
         self.fault = problem.removeprefix(f"{self._where}: ")
 
-    def _ask(self, arm: OpenArm, seen: list[float], pausing: bool) -> str:
+    def _ask_person(self, arm: OpenArm, seen: list[float], pausing: bool) -> str:
         if self.is_reopening:
             return f"{self._shown} is being opened anew"
         if pausing:

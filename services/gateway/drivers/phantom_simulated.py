@@ -7,10 +7,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from trocar.protocol.topics import TICK_S
+from trocar.protocol.topics import TICK_NS, TICK_S
 from trocar.services.gateway.devices import driver
 from trocar.services.gateway.devices.device_files import ArmFile
 from trocar.services.gateway.devices.driver import Arm, Place
+from trocar.services.gateway.hands.hand_arm import MAX_TICKS
 from trocar.services.gateway.motions.script import ROLL, SCENE, Player, read_player
 from trocar.services.gateway.servo import pose
 from trocar.services.gateway.servo.servo_arrays import READ_ROLL, READ_SIZE
@@ -21,10 +22,6 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime.config.bounds import Pace, Share, between
 from trocar.services.runtime.config.rig import DriverSettings, Settings
 from trocar.services.runtime.errors import ConfigError
-
-_TICK_NS = 1_000_000
-#: Most ticks simulated at once: the arm of a process that was stopped resumes where it was.
-_MAX_TICKS = 20
 
 
 class ArmSettings(Settings):
@@ -141,9 +138,9 @@ class Driver(Arm):
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Advance to `time_ns` and write the readings of encoders and motors."""
-        ticks = round((time_ns - self._last_ns) / _TICK_NS) if self._last_ns else 0
+        ticks = round((time_ns - self._last_ns) / TICK_NS) if self._last_ns else 0
         self._last_ns = time_ns
-        for _ in range(min(ticks, _MAX_TICKS)):
+        for _ in range(min(ticks, MAX_TICKS)):
             if self._running:
                 self._script_s += TICK_S
             self._advance()

@@ -25,7 +25,7 @@ class Driver(HandArm):
         super().begin_again()
         self._begins += 1
 
-    def follow(self, _time_ns: int, _passed_s: float) -> None:
+    def move_target(self, _time_ns: int, _passed_s: float) -> None:
         """Set the target from the page."""
         hand = hand_of(self.place, self._begins)
         if hand is not None:

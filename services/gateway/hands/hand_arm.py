@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from trocar.protocol.topics import TICK_S
+from trocar.protocol.topics import TICK_NS, TICK_S
 from trocar.services.gateway.devices.driver import Arm, ArmLimits, Place
 from trocar.services.gateway.hands import virtual_hand
 from trocar.services.gateway.hands.virtual_hand import POSITION, STATE_SIZE
@@ -23,10 +23,11 @@ from trocar.services.runtime.errors import ConfigError
 
 #: Ticks between polls for a target, which arrives at 60 to 250 Hz.
 LOOK_EVERY = 4
-_ROLL_RAD_S = 6.0
-_TICK_NS = 1_000_000
-_MAX_TICKS = 20
-_FROM_PORT_M = 0.01
+_ROLL_RAD_S = 6.0  # about a turn a second, so that a jump of what the page asks for is seen as a turn
+#: Most ticks simulated at once: the arm of a process that was stopped resumes where it was. As many as a force model
+#: lives.
+MAX_TICKS = 20
+_FROM_PORT_M = 0.01  # a shorter shaft turns too fast with the hand, by 100 rad/s at 1 m/s
 
 
 class HandSettings(Settings):
@@ -106,12 +107,12 @@ class HandArm(Arm):
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Advance the hand towards its target up to `time_ns`."""
-        ticks = min(round((time_ns - self._last_ns) / _TICK_NS), _MAX_TICKS) if self._last_ns else 0
+        ticks = min(round((time_ns - self._last_ns) / TICK_NS), MAX_TICKS) if self._last_ns else 0
         self._last_ns = time_ns
         self._passed_s += ticks * TICK_S
         self._waited += 1
         if self._waited % LOOK_EVERY == 0:
-            self.follow(time_ns, self._passed_s)
+            self.move_target(time_ns, self._passed_s)
             self.target = virtual_hand.within(self.target, self._centre, self._settings.reach_m)
             self._passed_s = 0.0
         for _ in range(ticks):
@@ -121,7 +122,7 @@ class HandArm(Arm):
         reading[READ_ROLL] = self._roll
 
     @abstractmethod
-    def follow(self, time_ns: int, passed_s: float) -> None:
+    def move_target(self, time_ns: int, passed_s: float) -> None:
         """Set `target` and `target_roll`, `passed_s` after the last call. Never waits."""
 
     def evaluate(

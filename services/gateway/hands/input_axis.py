@@ -11,25 +11,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-_MS = 1_000_000
 #: What has stood still for so long is at rest.
-REST_NS = 250 * _MS
+REST_NS = 250_000_000
 #: Time without rest after which a person is told.
-PATIENCE_NS = 2000 * _MS
+PATIENCE_NS = 2_000_000_000
 #: A relative axis repeats every 8 to 16 ms while pushed and does not report its release. With the time to the next two
-#: polls it falls to zero within 60 ms.
-RELEASE_NS = 50 * _MS
+#: polls it falls to zero within 60 ms, which a person takes for at once.
+RELEASE_NS = 50_000_000
 #: A relative axis without a pause of `RELEASE_NS` since the opening is stuck after this time.
-STUCK_NS = 5000 * _MS
+STUCK_NS = 5_000_000_000
 #: Deflection that counts as none.
 DEAD = 0.12
 #: Noise at rest, and distances of places of rest from the middle and from an end, as shares of the range.
 _STILL, _MIDDLE, _END = 0.06, 0.2, 0.1
 #: An axis that rested at an end, and then is silent for so long so near to its middle, is a stick that was held.
-_HELD_NS, _CENTRED = 1000 * _MS, 0.05
-#: Time in which the zero follows a drift of the rest.
-_DRIFT_NS = 1000 * _MS
-#: Share of its way from which on a trigger was pressed.
+_HELD_NS, _CENTRED = 1_000_000_000, 0.05
+#: Time in which the zero follows a drift of the rest, which takes minutes as a device warms; a push begins much faster.
+_DRIFT_NS = 1_000_000_000
+#: Share of its way from which on a trigger was pressed: beyond noise and dead zone together (`_STILL`, `DEAD`).
 _PRESSED = 0.2
 
 
@@ -67,7 +66,7 @@ class Axis:
         self.raw, self.reported_ns = raw, now_ns
         self._least, self._most = min(self._least, raw), max(self._most, raw)
         if self._most - self._least > _STILL * (self.high - self.low):
-            self._begin(now_ns)
+            self._begin_rest(now_ns)
         if self._is_first_word and self.middle is not None and self._is_near_middle(_MIDDLE):
             self._doubt_middle(raw, now_ns)
         self._was_pressed |= self._pressed > _PRESSED
@@ -76,7 +75,7 @@ class Axis:
         """Learn from all values up to now, after they have been reported."""
         if self._began_ns is None:
             self._began_ns = self._looked_ns = now_ns
-            self._begin(now_ns)
+            self._begin_rest(now_ns)
         passed_ns, self._looked_ns = now_ns - self._looked_ns, now_ns
         if not self.is_at_rest(now_ns):
             return
@@ -93,7 +92,7 @@ class Axis:
             self.middle = raw
         else:
             self.middle, self._is_stick = None, True
-            self._begin(now_ns)
+            self._begin_rest(now_ns)
 
     @property
     def came_to_middle(self) -> bool:
@@ -103,7 +102,7 @@ class Axis:
     def learn_anew(self, now_ns: int) -> None:
         """Forget where it rests."""
         self.middle = self.end = None
-        self._begin(now_ns)
+        self._begin_rest(now_ns)
 
     def is_at_rest(self, now_ns: int) -> bool:
         """Return whether it has stood still for a while; an axis without a range never has."""
@@ -140,7 +139,7 @@ class Axis:
         far = self.low if self._share(self.low, self.end) > 0.5 else self.high
         return min(max((self.raw - self.end) / (far - self.end), 0.0), 1.0)
 
-    def _begin(self, now_ns: int) -> None:
+    def _begin_rest(self, now_ns: int) -> None:
         self._least = self._most = self.raw
         self._still_ns = now_ns
 

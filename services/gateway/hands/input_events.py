@@ -12,15 +12,18 @@ from typing import Any, Protocol, cast
 
 from evdev import InputDevice, ecodes, ff, list_devices
 
+from trocar.protocol.topics import TICK_NS
 from trocar.services.gateway.hands.input_axis import Axis, Button, RelativeAxis
 from trocar.services.runtime.errors import DeviceError
 
-_TICK_NS = 1_000_000
-#: Most events read in a tick; the rest is read in the next.
+#: Most events read in a tick; the rest is read in the next. A report of all axes of a device has at most ten.
 _EVENTS_A_TICK = 32
-#: Value of a fully pushed cap in a relative report.
+#: Value of a fully pushed cap in a relative report, as of 3Dconnexion's devices.
 _RELATIVE_FULL = 350.0
-_RUMBLE_MS = 200
+#: Interval of effects: each is written to the device, which takes some milliseconds by radio.
+RUMBLE_EVERY_S = 0.1
+#: Twice as long, so that an effect does not stop before the next.
+_RUMBLE_MS = round(2e3 * RUMBLE_EVERY_S)
 
 
 class EventSource(Protocol):
@@ -189,7 +192,7 @@ class Inputs:
 
     def poll(self, time_ns: int) -> None:
         """Read events up to `time_ns`, once in a tick. All values of a lost device are 0."""
-        if self.fault or time_ns - self._read_ns < _TICK_NS:
+        if self.fault or time_ns - self._read_ns < TICK_NS:
             return
         self._read_ns = time_ns
         try:

@@ -16,7 +16,7 @@ from trocar.services.gateway.hands import input_events
 from trocar.services.gateway.hands.hand_arm import HandArm, HandSettings
 from trocar.services.gateway.hands.hand_grasp import HandGrasp, HandGraspSettings
 from trocar.services.gateway.hands.input_axis import DEAD
-from trocar.services.gateway.hands.input_events import Inputs, Kind
+from trocar.services.gateway.hands.input_events import RUMBLE_EVERY_S, Inputs, Kind
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.config.bounds import between
@@ -26,9 +26,10 @@ from trocar.services.runtime.errors import DeviceError
 #: Motions of the tool by axes: sideways and up as seen along the shaft, along the shaft, about it.
 MOTIONS = ("right", "up", "inward", "roll")
 Axes = dict[str, Annotated[float, between(-10.0, 10.0, "", "an axis goes from -1 to 1, and its sign is 1 or -1")]]
+#: A tool goes no further after the process stood still, as a person could not let go meanwhile: about a picture at 20
+#: Hz.
 _LONGEST_STEP_S = 0.05
-_RUMBLE_EVERY_S = 0.1
-#: Force at which a gamepad rumbles with full strength.
+#: Force at which a gamepad rumbles with full strength: a little below the 2.6 N that count as an error (`scenario`).
 _RUMBLE_FULL_N = 2.0
 
 
@@ -191,7 +192,7 @@ class SteeredArm(HandArm):
         super().open()
         self._source.open()
 
-    def follow(self, time_ns: int, passed_s: float) -> None:
+    def move_target(self, time_ns: int, passed_s: float) -> None:
         """Move the target by the axes' deflections."""
         inputs = self._source.inputs
         if inputs is None:
@@ -213,7 +214,7 @@ class SteeredArm(HandArm):
     def _rumble(self, inputs: Inputs, passed_s: float) -> None:
         self._rumbled_s += passed_s
         force_n = float(np.linalg.norm(self.felt_n))
-        if force_n > 0.05 and self._rumbled_s >= _RUMBLE_EVERY_S:
+        if force_n > 0.05 and self._rumbled_s >= RUMBLE_EVERY_S:
             self._rumbled_s = 0.0
             inputs.rumble(force_n / _RUMBLE_FULL_N)
 

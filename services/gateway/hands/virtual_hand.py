@@ -19,7 +19,8 @@ from trocar.services.mechanics.compiled import kernel
 #: Critically damped at 10 Hz: quick enough for a hand, slow enough to smooth a mouse's steps.
 MASS_KG, STIFFNESS_N_M = 0.1, 400.0
 DAMPING_N_S_M = 2.0 * math.sqrt(MASS_KG * STIFFNESS_N_M)
-#: Largest force of the spring: it limits the speed towards a far target to 0.32 m/s, and the force on a wall.
+#: Largest force of the spring: it limits the speed towards a far target to 0.32 m/s (by `DAMPING_N_S_M`), and the force
+#: on a wall to less than twice that of an error.
 GRIP_N = 4.0
 
 # State of a hand: position and velocity in the world.

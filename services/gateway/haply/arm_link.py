@@ -11,7 +11,8 @@ from trocar.services.gateway.haply.grip import Grip
 from trocar.services.gateway.haply.messages import ArmEntry, Filters, GravitySetting, Told, force_message, understand
 from trocar.services.runtime.config.rig import Vector3
 
-#: Answers of a tick that are looked at.
+#: Answers of a tick that are looked at, the newest: one is usual, and after a stop the older ones are of no use, as
+#: only the newest place counts.
 _MOST = 8
 
 
@@ -69,7 +70,7 @@ class ArmLink(ArmConnection):
             "strange_answers": float(self._strange),
         }
 
-    def ask(self, force_n: Vector3, now_ns: int) -> None:
+    def ask_state(self, force_n: Vector3, now_ns: int) -> None:
         """Send a force, which the service gives the arm once."""
         toward, right, up = force_n
         self._asked.append(now_ns)

@@ -9,11 +9,11 @@ from websockets.frames import Opcode
 from websockets.protocol import OPEN
 from websockets.uri import parse_uri
 
+from trocar.protocol.topics import TICK_S
 from trocar.services.gateway.devices.clock import Clock
 
 #: Bytes read in a tick, so that a flood cannot take the core; and the longest message: of ten devices, 20 kB.
 _READ, _LONGEST = 1 << 17, 1 << 17
-_TURN_S = 1e-3
 _DATA = (Opcode.TEXT, Opcode.BINARY, Opcode.CONT)
 
 
@@ -56,7 +56,7 @@ class Channel:
         if self.lost:
             return
         try:
-            self._take(self._wire.recv(_READ))
+            self._take_bytes(self._wire.recv(_READ))
         except BlockingIOError:
             pass
         except OSError as error:
@@ -76,7 +76,7 @@ class Channel:
         self.lost = self.lost or "closed"
         self._wire.close()
 
-    def _take(self, data: bytes) -> None:
+    def _take_bytes(self, data: bytes) -> None:
         if data:
             self._protocol.receive_data(data)
         else:
@@ -121,5 +121,5 @@ def open_channel(host: str, port: int, timeout_s: float, clock: Clock) -> Channe
             why = channel.lost or f"no WebSocket within {timeout_s:g} s"
             channel.close()
             raise OSError(why)
-        clock.sleep(_TURN_S)
+        clock.sleep(TICK_S)
     return channel

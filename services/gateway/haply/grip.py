@@ -7,9 +7,10 @@ import math
 from trocar.services.gateway.devices.grip_roll import GripRoll
 from trocar.services.gateway.haply.messages import GripEntry, Wxyz
 
-#: How far from one the norm of an orientation may be.
+#: How far from one the norm of an orientation may be, as numbers of 32 bits are exact to 1e-7, and another format is
+#: far off.
 _NEARLY = 0.1
-#: A grip held across the arm, whose turn about its own axis is not known.
+#: A grip held across the arm, whose turn about its own axis is not known: beyond this, 32 bits tell it to 1e-4 rad.
 _ACROSS = 1e-3
 
 

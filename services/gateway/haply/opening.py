@@ -5,11 +5,14 @@ from __future__ import annotations
 import select
 from dataclasses import dataclass
 from functools import partial
+from http import HTTPStatus
 from http.client import HTTPConnection, HTTPException
 from typing import Literal
 
 import msgspec
 
+from trocar.protocol.topics import TICK_S
+from trocar.services.gateway.devices.asked_arm import OPEN_S
 from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.haply.arm_link import ArmLink
 from trocar.services.gateway.haply.channel import Channel, open_channel
@@ -27,10 +30,8 @@ from trocar.services.gateway.haply.messages import (
 from trocar.services.runtime.config.rig import Vector3
 from trocar.services.runtime.errors import DeviceError
 
-DEFAULT_PORT = 10001
-_TIMEOUT_S, _TURN_S = 2.0, 1e-3
-_OK = 200
-#: A number that the service stores in 32 bits is the same to this.
+DEFAULT_PORT = 10001  # by Haply's documentation of its Inverse service
+#: A number that the service stores is the same to this, as it has 32 bits.
 _SAME = 1e-5
 _START = "start Haply Hub or the service `haply-inverse-service`; `trocar doctor` says more"
 
@@ -92,7 +93,7 @@ def open_service(host: str, port: int, where: str, clock: Clock) -> Channel:
     Raises DeviceError: one sentence.
     """
     try:
-        return open_channel(host, port, _TIMEOUT_S, clock)
+        return open_channel(host, port, OPEN_S, clock)
     except OSError as error:
         why = error.strerror or str(error)
         raise DeviceError(f"{where}: no Haply service at {host}:{port} ({why}): {_START}") from None
@@ -104,8 +105,8 @@ def _begin_session(channel: Channel, wanted: Wanted, where: str, shown: str, clo
     grip = _choose_grip(inventory, wanted, where)
     _bear_weight(wanted, key, arm.device_id, where, clock)
     first = settings_message(key, arm.device_id, "trocar", wanted.damping_n_s_m, wanted.gate)
-    _ask(channel, first, where, clock)
-    full = _ask(channel, FULL_STATE, where, clock).arm(arm.device_id)
+    _ask_service(channel, first, where, clock)
+    full = _ask_service(channel, FULL_STATE, where, clock).arm(arm.device_id)
     if full is None or full.config is None:
         raise DeviceError(f"{where}: Haply's service does not tell how {shown} is set")
     if problem := _differs(full.config, wanted):
@@ -158,34 +159,34 @@ def _choose_grip(told: Told, wanted: Wanted, where: str) -> str | None:
 def _bear_weight(wanted: Wanted, key: str, identity: str, where: str, clock: Clock) -> None:
     """Set the compensation of the arm's weight, which only the service's HTTP does."""
     text = msgspec.json.encode({"enabled": wanted.gravity > 0.0, "scaling_factor": wanted.gravity})
-    connection = HTTPConnection(wanted.host, wanted.port, timeout=_TIMEOUT_S)
+    connection = HTTPConnection(wanted.host, wanted.port, timeout=OPEN_S)
     try:
         path = f"/{key}/{identity}/config/gravity_compensation"
         connection.request("POST", path, text, {"Content-Type": "application/json", "Connection": "close"})
-        until_ns = clock.monotonic_ns() + round(1e9 * _TIMEOUT_S)
+        until_ns = clock.monotonic_ns() + round(1e9 * OPEN_S)
         while not select.select([connection.sock], [], [], 0.0)[0] and clock.monotonic_ns() < until_ns:
-            clock.sleep(_TURN_S)
+            clock.sleep(TICK_S)
         status = connection.getresponse().status
     except (OSError, HTTPException) as error:
         raise DeviceError(f"{where}: Haply's service does not set the compensation of weight: {error}") from None
     finally:
         connection.close()
-    if status != _OK:
+    if status != HTTPStatus.OK:
         raise DeviceError(f"{where}: Haply's service refuses to set the compensation of weight: HTTP {status}")
 
 
-def _ask(channel: Channel, message: bytes, where: str, clock: Clock) -> Told:
+def _ask_service(channel: Channel, message: bytes, where: str, clock: Clock) -> Told:
     channel.send(message)
     return _await_message(channel, where, clock)
 
 
 def _await_message(channel: Channel, where: str, clock: Clock) -> Told:
-    until_ns = clock.monotonic_ns() + round(1e9 * _TIMEOUT_S)
+    until_ns = clock.monotonic_ns() + round(1e9 * OPEN_S)
     while not (messages := channel.receive()):
         if channel.lost or clock.monotonic_ns() > until_ns:
-            why = channel.lost or f"it says nothing for {_TIMEOUT_S:g} s"
+            why = channel.lost or f"it says nothing for {OPEN_S:g} s"
             raise DeviceError(f"{where}: Haply's service does not answer ({why}): {_START}")
-        clock.sleep(_TURN_S)
+        clock.sleep(TICK_S)
     told = understand(messages[-1])
     if told is None:
         raise DeviceError(f"{where}: what answers for Haply's service speaks another format than 3.5")

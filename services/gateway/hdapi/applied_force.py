@@ -33,7 +33,7 @@ from trocar.services.gateway.hdapi.cells import (
     ServoCell,
 )
 from trocar.services.gateway.hdapi.constants import FORCE_OUTPUT, Calibration, Parameter
-from trocar.services.gateway.servo.engagement import SMALL_FORCE_N
+from trocar.services.gateway.servo.engagement import SETTLE_S, SMALL_FORCE_N
 from trocar.services.gateway.servo.pose import force_to_arm, to_world
 from trocar.services.gateway.servo.servo_arrays import (
     LIMIT_SIZE,
@@ -57,7 +57,7 @@ from trocar.services.mechanics.compiled import kernel
 #: An ordered force, or a pose, older than this is not trusted, nor one from as far in the future: a clock may go back.
 #: As a force of 3 N then falls to zero in 15 ms, the hand is free before a model's life of 20 ms.
 STALE_NS = 4_000_000
-TRUST_S = 0.1
+TRUST_S = SETTLE_S
 _FORCE, _CALIBRATED = int(Parameter.CURRENT_FORCE), int(Calibration.OK)
 
 

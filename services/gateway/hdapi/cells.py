@@ -30,9 +30,10 @@ ORDER_SIZE = ORDER_MODEL + MODEL_COLUMNS
     SEEN_TIME, SEEN_CALIBRATION, SEEN_BUTTONS, SEEN_ERROR, SEEN_STOPPED, SEEN_REFUSAL, SEEN_REFUSED, SEEN_LATE,
     SEEN_ARMED, SEEN_TRUST, SEEN_PERIOD, SEEN_POSITION,
 ) = range(12)  # fmt: skip
+# Position, velocity and force have three places each, so that what follows begins at:
 SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_MEMORY = 14, 17, 18, 19, 22
 SEEN_SPAN = SEEN_MEMORY + MEMORY_TORQUE
-SEEN_SIZE = SEEN_SPAN + 1
+SEEN_SIZE = SEEN_SPAN + 1  # places, as the last begins at SEEN_SPAN
 
 # Offsets in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.
 POSITION, GIMBAL, TEMPERATURE, FORCE, NUMBERS = 0, 3, 6, 12, 15

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+# Codes by OpenHaptics' header hdDefines.h:
 INVALID_HANDLE = 0xFFFFFFFF
 CALLBACK_DONE, CALLBACK_CONTINUE = 0, 1
 MAX_SCHEDULER_PRIORITY = 65535
@@ -24,7 +25,7 @@ class Parameter(IntEnum):
     CURRENT_FORCE = 0x2700  # N
 
 
-FORCE_OUTPUT = 0x4000
+FORCE_OUTPUT = 0x4000  # by OpenHaptics' header hdDefines.h, as all codes here
 
 
 class Calibration(IntEnum):
@@ -46,6 +47,7 @@ class Style(IntEnum):
 #: In the order of preference.
 STYLES = (Style.AUTO, Style.INKWELL, Style.ENCODER_RESET)
 
+# Codes by OpenHaptics' header hdDefines.h:
 WARM_MOTORS = 0x0200
 #: Force was refused in this frame; the device continues. ``hduIsForceError`` includes warm motors.
 FIRST_REFUSAL, LAST_REFUSAL = 0x0201, 0x0204

@@ -30,7 +30,7 @@ from trocar.services.gateway.hdapi.cells import (
     Port,
     port_at,
 )
-from trocar.services.gateway.hdapi.handover import put, take
+from trocar.services.gateway.hdapi.handover import put_message, take_message
 from trocar.services.gateway.servo.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_REFUSED,
@@ -61,11 +61,11 @@ def give_force(address: Address[Port], time_ns: int, enabled: bool, armed: int, 
     """Order a force (3,) in the frame of the arm."""
     port = port_at(address)
     order = port.order
-    _begin(order, time_ns, enabled, armed)
+    _begin_order(order, time_ns, enabled, armed)
     order[ORDER_LAW] = 0.0
     for axis in range(3):
         order[ORDER_FORCE + axis] = force_n[axis]
-    put(port.orders, order)
+    put_message(port.orders, order)
 
 
 @kernel
@@ -82,7 +82,7 @@ def give_law(
     """Order the inputs of `servo_law.servo_force`, and write its last memory there into `memory`, except the torque."""
     port = port_at(address)
     order, newest = port.order, port.newest
-    _begin(order, time_ns, enabled, armed)
+    _begin_order(order, time_ns, enabled, armed)
     order[ORDER_LAW] = 1.0
     order[ORDER_AGE] = now[NOW_AGE]
     order[ORDER_TTL] = now[NOW_TTL]
@@ -92,7 +92,7 @@ def give_law(
         order[ORDER_LIMITS + k] = limits[k]
     for k in range(MODEL_COLUMNS):
         order[ORDER_MODEL + k] = model[k]
-    put(port.orders, order)
+    put_message(port.orders, order)
     refused = memory[MEMORY_REFUSED] + newest[SEEN_MEMORY + MEMORY_REFUSED] - port.refused
     port.refused = newest[SEEN_MEMORY + MEMORY_REFUSED]
     for k in range(MEMORY_TORQUE):
@@ -102,7 +102,7 @@ def give_law(
 
 
 @kernel
-def _begin(order: FloatArray, time_ns: int, enabled: bool, armed: int) -> None:
+def _begin_order(order: FloatArray, time_ns: int, enabled: bool, armed: int) -> None:
     order[ORDER_TIME] = time_ns
     order[ORDER_ENABLED] = 1.0 if enabled else 0.0
     order[ORDER_ARMED] = armed
@@ -116,7 +116,7 @@ def look(address: Address[Port], has_roll: bool, reading: FloatArray) -> int:
         int: `NOTHING`, `AS_BEFORE`, or `CHANGED` if more than the reading is new, or the reading is not.
     """
     port = port_at(address)
-    if take(port.seen, port.arriving) <= 0:
+    if take_message(port.seen, port.arriving) <= 0:
         return NOTHING
     newest = port.newest
     heard = CHANGED if _is_news(port.arriving, newest) else AS_BEFORE

@@ -26,7 +26,7 @@ class Box(Struct):
 
 
 @kernel
-def put(box: Box, message: FloatArray) -> None:
+def put_message(box: Box, message: FloatArray) -> None:
     """Publish a message (n,)."""
     number = box.number + 1
     place = number & 1
@@ -38,7 +38,7 @@ def put(box: Box, message: FloatArray) -> None:
 
 
 @kernel
-def take(box: Box, message: FloatArray) -> int:
+def take_message(box: Box, message: FloatArray) -> int:
     """Write the newest message into `message` (n,) and return its number, 0 if there is none.
 
     A reader that is overtaken repeatedly gets -1, and a mixture of messages that must not be used.

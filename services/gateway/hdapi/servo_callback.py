@@ -19,6 +19,7 @@ from typing import Any
 
 from numba import types
 
+from trocar.protocol.topics import TICK_NS
 from trocar.services.gateway.devices.hand_reach import REACH_M_S
 from trocar.services.gateway.hdapi import native
 from trocar.services.gateway.hdapi.applied_force import apply_order, give_up
@@ -55,7 +56,7 @@ from trocar.services.gateway.hdapi.cells import (
 )
 from trocar.services.gateway.hdapi.constants import CALLBACK_CONTINUE, CALLBACK_DONE, Calibration, Parameter, Style
 from trocar.services.gateway.hdapi.error_stack import drain, unreachable
-from trocar.services.gateway.hdapi.handover import put, take
+from trocar.services.gateway.hdapi.handover import put_message, take_message
 from trocar.services.gateway.servo.servo_arrays import MEMORY_TORQUE
 from trocar.services.gateway.servo.servo_law import MAX_STEP_S
 from trocar.services.gateway.servo.velocity_filter import design, low_pass
@@ -64,13 +65,15 @@ from trocar.services.mechanics import compiled
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address
 
-TICK_NS = 1_000_000
-#: Periods after which a frame is late.
+#: Periods after which a frame is late: one was lost, as the library does not catch up.
 LATE_PERIODS = 2.0
 #: Time over which the library's rate is measured, and the deviation up to which the nominal rate is assumed.
 _COUNT_NS, _NEARLY = 250_000_000, 0.1
-#: Frames in a row with an invalid handle after which there is nothing left to release.
+#: Frames in a row with an invalid handle after which there is nothing left to release, as one alone may be lost while
+#: another arm of the library is opened.
 _FORGOTTEN_FRAMES = 3
+#: Frames between checks of the calibration: ten a second for a person who is asked to help, one while nothing is to
+#: change it.
 _CHECK_EVERY, _RECHECK_EVERY = 100, 1000
 
 # Kernels can read constants of their module, but not members of an enumeration.
@@ -159,7 +162,7 @@ def _frame(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
 def _exchange(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     functions = servo.functions
     native.call_unsigned(functions.begin_frame, arm.handle)
-    _ask(functions, arm)
+    _ask_arm(functions, arm)
     drain(servo, arm)
     if not arm.failed_now:
         _accept(arm, now_ns)
@@ -174,7 +177,7 @@ def _exchange(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
 
 @kernel
 def _take_order(arm: ArmCell) -> None:
-    if take(arm.orders, arm.order) <= 0:  # no complete order yet
+    if take_message(arm.orders, arm.order) <= 0:  # no complete order yet
         arm.order[ORDER_TIME] = 0.0
         return
     if arm.order[ORDER_ARMED] != arm.armed:
@@ -185,7 +188,7 @@ def _take_order(arm: ArmCell) -> None:
 
 
 @kernel
-def _ask(functions: Functions, arm: ArmCell) -> None:
+def _ask_arm(functions: Functions, arm: ArmCell) -> None:
     numbers = arm.numbers_at
     native.call_unsigned_pointer(functions.get_doubles, _POSITION, numbers + 8 * POSITION)
     native.call_unsigned_pointer(functions.get_integers, _BUTTONS, arm.integers_at)
@@ -273,7 +276,7 @@ def _report(servo: ServoCell, arm: ArmCell) -> None:
     for k in range(MEMORY_TORQUE):
         report[SEEN_MEMORY + k] = arm.memory[k]
     report[SEEN_SPAN] = arm.longest_s
-    put(arm.seen, report)
+    put_message(arm.seen, report)
 
 
 def _callback(address: Address[ServoCell]) -> int:

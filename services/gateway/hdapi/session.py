@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trocar.protocol.topics import TICK_HZ
 from trocar.services.gateway.devices.clock import Clock
 from trocar.services.gateway.hdapi.cells import ArmCell, Functions, ServoCell
 from trocar.services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
@@ -25,8 +26,8 @@ from trocar.services.gateway.hdapi.reopening import Reopening
 from trocar.services.gateway.hdapi.servo_callback import callback, claim_cell
 from trocar.services.runtime.errors import DeviceError
 
-RATE_HZ = 1000
-#: Longest time of a call that is under way when the scheduler has been stopped.
+RATE_HZ = round(TICK_HZ)
+#: Longest time of a call that is under way when the scheduler has been stopped: a hundred times a frame.
 _UNDER_WAY_NS = 100_000_000
 
 
@@ -49,7 +50,7 @@ class Session:
 
         Raises DeviceError: one sentence, if it is missing or used by another instrument.
         """
-        self._settle()
+        self._settle_reopening()
         if name in self._users:
             shown = "the default device" if name is None else f"device {name!r}"
             raise DeviceError(f"{where}: {shown} is another instrument's; `settings: {{name: ...}}` tells them apart")
@@ -64,7 +65,7 @@ class Session:
 
     def leave(self, name: str | None) -> None:
         """Close an arm, whose motors are off; the last one stops the scheduler and closes all devices."""
-        self._settle()
+        self._settle_reopening()
         self._users.discard(name)
         if self._users or not self._arms:
             return
@@ -117,7 +118,7 @@ class Session:
         finally:
             self._start(where)
 
-    def _settle(self) -> None:
+    def _settle_reopening(self) -> None:
         if self._reopening is not None:
             self._reopening.give_up()
 

@@ -11,7 +11,7 @@ from trocar.services.gateway.servo.servo_arrays import are_models
 from trocar.services.runtime.loop.flat_view import flat_view
 from trocar.services.runtime.process.health import LatencyPath
 
-#: Number of samples that a model may still answer; older ones have expired.
+#: Number of samples that a model may still answer: older ones have expired, as a model lives for 20 ms at most.
 _REMEMBERED = 128
 
 

@@ -23,7 +23,7 @@ from trocar.services.mechanics.arrays import FloatArray
 Law = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
 #: Number of late ticks in a row, each longer than this, after which the force is removed.
 OVERRUNS, OVERRUN_S = 3, 0.002
-_MAX_AGE_S = 1e3
+_MAX_AGE_S = 1e3  # of a model that never came: beyond any life, and finite, as kernels compute with it
 
 
 @dataclass(frozen=True, slots=True)

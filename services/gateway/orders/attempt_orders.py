@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from trocar.protocol import Frame
+from trocar.protocol.topics import MOMENT_TICKS
 from trocar.services.gateway.instruments.instrument import Instrument
 from trocar.services.gateway.orders.rig_time import RigTime
-from trocar.services.runtime.loop.tick_grid import EVERY_TICKS
 
 
 class AttemptOrders:
@@ -55,18 +55,18 @@ class AttemptOrders:
         if rests and not all(instrument.servo.limp for instrument in self._instruments):
             return
         if self._begins_owed:
-            self._begin()
+            self._begin_attempt()
             return  # time and force continue in the next tick
         self._time.pace = self._pace
         for instrument in self._instruments:
             instrument.keep_pace(self._pace)
         self._acts = False
 
-    def _begin(self) -> None:
+    def _begin_attempt(self) -> None:
         if self._time.stands:  # physics has made its step of this tick
             self._time.step_soon()
             return
-        if self._time.simulated and self._time.index % EVERY_TICKS:  # so that every attempt is seen at the same ticks
+        if self._time.simulated and self._time.index % MOMENT_TICKS:  # so that every attempt is seen at the same ticks
             self._time.step_soon()
             return
         self._begins_owed = False

@@ -125,7 +125,7 @@ def book_work(place: Vector, own: FloatArray, now: FloatArray, memory: FloatArra
 
 
 @kernel
-def settle(way: Vector, own: FloatArray, now: FloatArray, free: bool, memory: FloatArray) -> None:
+def settle_energy(way: Vector, own: FloatArray, now: FloatArray, free: bool, memory: FloatArray) -> None:
     """Close the balance of a contact when the hand is `free`, and let friction pay a common debt.
 
     A contact begins without credit, except for that used by other hands, and with any remaining debt. Over a

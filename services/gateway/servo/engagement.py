@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-#: A stream must have been fresh, and its demand small, for this long before force begins.
-SETTLE_S = 0.1
-SMALL_FORCE_N = 0.3
+#: A stream must have been fresh, and its demand small, for this long before force begins: five lives of a model. What
+#: is small is a tenth of the 3 N to which a rig limits forces by default, so that a hand is not surprised by it.
+SETTLE_S, SMALL_FORCE_N = 0.1, 0.3
 
 
 class EngagementState(StrEnum):
@@ -94,14 +94,14 @@ class Engagement:
         if self.state in (EngagementState.READY, EngagementState.STALE):
             may_begin = fresh and calibrated and not self._stopped
             self.refused_s = self.refused_s + dt_s if may_begin and demand_n >= SMALL_FORCE_N else 0.0
-            return self._settle(dt_s, may_begin and demand_n < SMALL_FORCE_N)
+            return self._settle_stream(dt_s, may_begin and demand_n < SMALL_FORCE_N)
         if self.state is EngagementState.ENGAGING:
             self.gain = min(1.0, self.gain + dt_s / self._ramp_s) if self._ramp_s > 0.0 else 1.0
             if self.gain >= 1.0:
                 self.state = EngagementState.ACTIVE
         return False
 
-    def _settle(self, dt_s: float, quiet: bool) -> bool:
+    def _settle_stream(self, dt_s: float, quiet: bool) -> bool:
         self._settled_s = self._settled_s + dt_s if quiet else 0.0
         if self._settled_s < SETTLE_S:
             return False

@@ -16,10 +16,9 @@ HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
 # count, m or rad; the least friction that it surely has, N or N m; and the least change of a displacement from tick to
 # tick that any hand may make of it, m or rad.
 (
-    LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_TORQUE, LIMIT_TORQUE_RATE,
-) = range(5)  # fmt: skip
+    LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_TORQUE, LIMIT_TORQUE_RATE, LIMIT_ARM,
+) = range(6)  # fmt: skip
 OWN_COUNT, OWN_FRICTION, OWN_SUDDEN, OWN_SIZE = range(4)
-LIMIT_ARM = 5
 LIMIT_HANDLE = LIMIT_ARM + OWN_SIZE
 LIMIT_SIZE = LIMIT_HANDLE + OWN_SIZE
 

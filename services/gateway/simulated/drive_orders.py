@@ -39,7 +39,7 @@ class Ask(msgspec.Struct, tag=True):
 
 
 Order = Add | GoOn | BeginAgain | SetPace | Ask
-LONGEST = 256
-DESCRIPTORS = 2
+LONGEST = 256  # bytes: four times an order with its numbers
+DESCRIPTORS = 2  # at most: a drive's bus, and the file with its hand's angles
 encode = msgspec.json.Encoder().encode
 decode = msgspec.json.Decoder(Order).decode

@@ -8,6 +8,7 @@ frames and sends one, all of 16 bytes, through non-blocking sockets.
 from __future__ import annotations
 
 import trocar.services.start.entry  # noqa: F401  first: the environment of a process
+from trocar.services.gateway.simulated.hand_motion import MOTION_HZ
 
 # isort: split
 import array
@@ -23,12 +24,11 @@ from trocar.services.gateway.simulated.drive_orders import Add, Ask, BeginAgain,
 from trocar.services.gateway.simulated.emulated_drive import ESTIMATE_S, CanFrame, EmulatedDrive, Handle
 from trocar.services.runtime.realtime import realtime
 
-_MOTION_HZ = 1000
 _PERIOD_NS = round(ESTIMATE_S * 1e9)
-_LISTEN_EVERY = 5
+_LISTEN_EVERY = 5  # so that orders, for which a test or a scene's begin waits, are heard within 10 ms
 #: Share of a core that a real-time budget has to cover: two drives take 2.0 % on average, three times that in a tick.
 SHARE = 0.06
-#: Bytes read in a tick. The gateway sends a frame every 2 ms; the backlog of a stall is read in a few ticks.
+#: Bytes read in a tick. The gateway sends a frame every 2 ms, so that the backlog of a stall is read in a few ticks.
 _READ = 64 * can_frame.SIZE
 
 
@@ -62,7 +62,7 @@ class DriveAxis:
 
     def _wanted_rad(self, now_s: float) -> float:
         """Return the hand's target angle; its motion starts with the torque, or by order."""
-        k = int((now_s - self._began_s) * _MOTION_HZ) if self._began_s else 0
+        k = int((now_s - self._began_s) * MOTION_HZ) if self._began_s else 0
         n = len(self._angle_rad)
         return self._angle_rad[k % n if self._repeats else min(k, n - 1)]
 

@@ -18,8 +18,8 @@ from trocar.services.gateway.simulated import drive_orders
 from trocar.services.gateway.simulated.drive_orders import Add, Ask, Order
 from trocar.services.gateway.simulated.hand_motion import HandMotion
 
-_STOP_TIMEOUT_S = 2.0
-_ANSWER_TIMEOUT_S = 5.0
+_STOP_TIMEOUT_S = 2.0  # a hundred times what it needs to hear of its end: a busy machine delays it
+_ANSWER_TIMEOUT_S = 5.0  # its start takes most of a second, and no hand waits for it
 
 #: Signals by which a person or a service ends a rig, all its processes at once. The drives outlive them, as real ones:
 #: they go on for as long as the gateway lets the hands go, and end with it.

@@ -12,14 +12,15 @@ import struct
 from trocar.services.gateway.can import cansimple
 from trocar.services.gateway.can.cansimple import AxisError, AxisState
 
-HEARTBEAT_S, ESTIMATE_S = 0.1, 0.002
-FIRMWARE = (0, 6, 11)
+ESTIMATE_S = 0.002  # twice the period that is asked of drives (docs/how-to/hardware.md), as the slower case
+FIRMWARE = (0, 6, 11)  # the firmware whose documentation was followed
 #: Counts of the encoder a turn, as of the handle with which real grasps were recorded.
 ENCODER_COUNTS = 8192
-#: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m.
+#: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m. The
+#: damping is critical, 2 sqrt(k m); the rest are assumptions, as no fingers at a handle were measured.
 INERTIA, HAND_STIFFNESS, HAND_DAMPING, FRICTION = 2e-5, 2.0, 0.0126, 0.005
-_SUBSTEPS = 4
-_TURN = 2 * math.pi
+_SUBSTEPS = 4  # of 0.5 ms: a sixth of the time in which the hand's spring turns by one radian, sqrt(m / k)
+_TURN = math.tau
 _SAID_BY_DRIVE = (
     cansimple.GET_VERSION,
     cansimple.HEARTBEAT,
@@ -103,7 +104,7 @@ class EmulatedDrive:
                 self._disarm(AxisError.VELOCITY_LIMIT)
         frames = self._answer(cansimple.GET_ENCODER_ESTIMATES)
         if now_s >= self._next_heartbeat_s:
-            self._next_heartbeat_s = now_s + HEARTBEAT_S
+            self._next_heartbeat_s = now_s + cansimple.HEARTBEAT_S
             frames += self._answer(cansimple.HEARTBEAT)
         return frames
 

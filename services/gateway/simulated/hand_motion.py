@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trocar.protocol.topics import TICK_HZ
 from trocar.services.gateway.devices.recording import read_table
 from trocar.services.gateway.motions.scenario_script import scenario_player
 from trocar.services.gateway.motions.script import COLUMNS, HANDLE, Motion, Player, read_player
@@ -14,15 +15,15 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
 
-RATE_HZ = 1000.0
+MOTION_HZ = TICK_HZ
 _NO_PORT = (0.0, 0.0, 0.0)  # handle angles do not depend on the port
 _COLUMN = "handle_angle_rad"
-_SQUEEZE_S = 4.0
+_SQUEEZE_S = 4.0  # slow: at most 0.7 rad/s, as a hand that feels its way
 
 
 @dataclass(frozen=True, slots=True)
 class HandMotion:
-    """Angles (n,) float64 in rad at `RATE_HZ`, repeated or held at the end."""
+    """Angles (n,) float64 in rad at `MOTION_HZ`, repeated or held at the end."""
 
     angle_rad: FloatArray
     repeats: bool
@@ -30,7 +31,7 @@ class HandMotion:
 
 def squeeze() -> HandMotion:
     """Return a slow squeeze between open (1 rad) and nearly shut (0.1 rad), every 4 s."""
-    turns = np.arange(round(_SQUEEZE_S * RATE_HZ)) / (_SQUEEZE_S * RATE_HZ)
+    turns = np.arange(round(_SQUEEZE_S * MOTION_HZ)) / (_SQUEEZE_S * MOTION_HZ)
     return HandMotion(0.55 + 0.45 * np.cos(2 * np.pi * turns), repeats=True)
 
 
@@ -50,8 +51,8 @@ def of_motion(motion: Motion, pace: float = 1.0) -> HandMotion:
 
 
 def _sampled(player: Player) -> HandMotion:
-    angles = np.empty(max(1, round(player.lasts_s * RATE_HZ) + (not player.repeats)))
-    _sample_angles(player.times, player.values, RATE_HZ, angles)
+    angles = np.empty(max(1, round(player.lasts_s * MOTION_HZ) + (not player.repeats)))
+    _sample_angles(player.times, player.values, MOTION_HZ, angles)
     return HandMotion(angles, player.repeats)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 
+# By Cavusoglu et al. (2002); transmission and friction by the MAHI laboratory:
 L1, L2, L3, L5, L6 = 0.215, 0.170, 0.0325, -0.0368, 0.0527  # m
 MASS_A, MASS_C, MASS_BE, MASS_DF = 0.0202, 0.0249, 0.2359, 0.1906  # kg
 IA_XX, IA_YY, IA_ZZ = 0.4864e-4, 0.001843e-4, 0.4864e-4  # kg m2
@@ -23,13 +24,14 @@ IBE_XX, IBE_YY, IBE_ZZ = 11.09e-4, 10.06e-4, 0.591e-4
 IDF_XX, IDF_YY, IDF_ZZ = 7.11e-4, 0.629e-4, 6.246e-4
 I_BASE_YY = 11.87e-4
 GRAVITY = 9.80665
-
 GEARS = (13.3, 11.2, 11.2)
 ROTOR_INERTIA = 1.08e-6  # kg m2
 VISCOUS, COULOMB = 5e-4, 0.01  # N m s/rad, N m
+
 #: Sweeps of dry friction over the joints; thigh and shin are coupled by at most a tenth of their masses.
 _RUBS = 4
-STOP_STIFFNESS, STOP_DAMPING = 10.0, 0.1  # N m/rad, N m s/rad
+#: Stops, N m/rad and N m s/rad: the largest torque of a motor at the joint, 1.7 N m, goes into them by 10 degrees.
+STOP_STIFFNESS, STOP_DAMPING = 10.0, 0.1
 ANGLE_MIN = (math.radians(-90.0), math.radians(-124.0), math.radians(-29.0))
 ANGLE_MAX = (math.radians(90.0), math.radians(119.0), math.radians(214.0))
 THIGH_OVER_SHIN, SHIN_OVER_THIGH = math.radians(65.0), math.radians(55.0)
@@ -37,10 +39,11 @@ THIGH_OVER_SHIN, SHIN_OVER_THIGH = math.radians(65.0), math.radians(55.0)
 #: Count and friction for the servo's law, as in the device file.
 COUNT_M, FRICTION_N = 30e-6, 0.04  # m, N, at the tip
 
-#: Posture at the middle of the workspace: thigh and shin at a right angle, halfway up.
+#: Posture at the middle of the workspace: thigh and shin at a right angle, as their angles are equal, halfway up.
 CENTRE_ANGLES = (0.0, 0.4, 0.4)
 
 # M11 = _A + _B cos 2 theta2 + _C cos 2 theta3 + _D cos theta2 sin theta3;  M23 = -_D/2 sin(theta2 - theta3)
+# Sums of these constants for the equations of motion, by Cavusoglu et al. (2002):
 _A = 0.5 * (IA_YY + IA_ZZ + 2 * I_BASE_YY + IBE_YY + IBE_ZZ + IC_YY + IC_ZZ + IDF_YY + IDF_ZZ) + 0.125 * (
     4 * L1**2 * MASS_A + L2**2 * MASS_A + L1**2 * MASS_C + 4 * L3**2 * MASS_C
 )

@@ -18,13 +18,13 @@ from trocar.services.gateway.simulated.write_delay import WRITE_SIZE, WRITES, pa
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 
-SUBSTEPS = 8
-#: Maxon RE25 118743: torque at stall, torque constant, resistance, its rise with temperature.
+SUBSTEPS = 8  # an eighth of a tick, as stops and friction change within one
+#: By Maxon's datasheet of the RE25 118743: torque at stall, torque constant, resistance, its rise with temperature.
 STALL_NM, TORQUE_NM_A, RESISTANCE_OHM, COPPER_1_K = 0.129, 0.0234, 2.18, 0.0039
-#: Winding to housing to room: K/W, J/K. The winding may reach 100 degrees.
+#: By the same datasheet, winding to housing to room: K/W, J/K. The winding may reach 100 degrees.
 WINDING_K_W, HOUSING_K_W, WINDING_J_K, HOUSING_J_K = 3.1, 14.0, 3.9, 43.7
-ROOM_C, WINDING_MAX_C = 25.0, 100.0
-#: HEDM-5500: 1024 lines, four edges each.
+ROOM_C, WINDING_MAX_C = 25.0, 100.0  # by the same datasheet
+#: By the datasheet of the encoder HEDM-5500: 1024 lines, four edges each.
 COUNTS = 4096
 
 # Hand: its target, the target's velocity, stiffness, damping, and the grip force beyond which it slips.

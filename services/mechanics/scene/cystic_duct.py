@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from trocar.services.mechanics.scene.tissue import Quantity
+from trocar.services.messages.sourced_value import SourcedValue, assumed_value
 
 Course = Literal["straight", "s", "alpha"]
 
@@ -44,17 +44,17 @@ class CysticDuctScene:
     fold_height: float | None = None
 
 
-RANGES: dict[str, Quantity] = {
-    "length_m": Quantity(30e-3, 20e-3, 40e-3, f"20 to 40 mm, up to 100: {COMMON_VEIN}", assumed=False),
-    "width_m": Quantity(
+RANGES: dict[str, SourcedValue] = {
+    "length_m": SourcedValue(30e-3, 20e-3, 40e-3, f"20 to 40 mm, up to 100: {COMMON_VEIN}"),
+    "width_m": assumed_value(
         3.5e-3, 2.4e-3, 5e-3, f"1 to 5 mm: {COMMON_VEIN}; below 2.4 mm, left out here, a 5 Fr catheter has no play"
     ),
-    "end_width_m": Quantity(3.5e-3, 2.4e-3, 5e-3, f"as width_m: {COMMON_VEIN}"),
-    "turn_rad": Quantity(1.0, 0.6, 1.3, "assumption; no figure found"),
-    "take_off_rad": Quantity(0.7, 0.35, 1.2, "assumption; a sharp angle is a cause of failure, no figure found"),
-    "common_width_m": Quantity(6e-3, 5e-3, 8e-3, "assumption; wider than the cystic duct"),
-    "folds": Quantity(6.0, 4.0, 10.0, f"4 to 10 in the half towards the gallbladder: {COMMON_VEIN}", assumed=False),
-    "fold_height": Quantity(
+    "end_width_m": assumed_value(3.5e-3, 2.4e-3, 5e-3, f"as width_m: {COMMON_VEIN}"),
+    "turn_rad": assumed_value(1.0, 0.6, 1.3, "assumption; no figure found"),
+    "take_off_rad": assumed_value(0.7, 0.35, 1.2, "assumption; a sharp angle is a cause of failure, no figure found"),
+    "common_width_m": assumed_value(6e-3, 5e-3, 8e-3, "assumption; wider than the cystic duct"),
+    "folds": SourcedValue(6.0, 4.0, 10.0, f"4 to 10 in the half towards the gallbladder: {COMMON_VEIN}"),
+    "fold_height": assumed_value(
         0.55,
         0.4,
         0.7,
@@ -64,7 +64,9 @@ RANGES: dict[str, Quantity] = {
 }
 COURSES: dict[Course, float] = {"straight": 0.75, "s": 0.15, "alpha": 0.10}
 """Shares of the courses: 85 % run in a line with variants S and alpha (Cao et al.), whose shares are assumptions."""
-ALPHA_LENGTH = Quantity(50e-3, 42e-3, 60e-3, f"assumption; a loop needs length, ducts are up to 100 mm: {COMMON_VEIN}")
+ALPHA_LENGTH = assumed_value(
+    50e-3, 42e-3, 60e-3, f"assumption; a loop needs length, ducts are up to 100 mm: {COMMON_VEIN}"
+)
 
 
 def drawn_cystic_duct(cystic: CysticDuctScene) -> CysticDuctScene:
@@ -96,6 +98,6 @@ def _course(random: np.random.Generator | None) -> Course:
     return "alpha"
 
 
-def _value(quantity: Quantity, random: np.random.Generator | None) -> float:
+def _value(quantity: SourcedValue, random: np.random.Generator | None) -> float:
     """Return a value within a range, evenly drawn; a value is drawn of each, so that what is said changes no other."""
     return quantity.value if random is None else float(random.uniform(quantity.low, quantity.high))

@@ -13,24 +13,10 @@ import numpy as np
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import Orthotropy, ShellSection
 from trocar.services.mechanics.reduction.viscoelastic import PronySeries
+from trocar.services.messages.sourced_value import SourcedValue, assumed_value
 
 DUCH = "Duch, Andersen, Gregersen, BioMedical Engineering OnLine 3:23 (2004), ten porcine common bile ducts"
 CANINE = "Bio-Medical Materials and Engineering 1(2), 1991"
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A material value in SI units with its range, source, and whether it is an assumption."""
-
-    value: float
-    low: float
-    high: float
-    source: str
-    assumed: bool = True
-
-    def __post_init__(self) -> None:
-        if not self.low <= self.value <= self.high:
-            raise ValueError(f"tissue: {self.value} is outside its own range {self.low} to {self.high}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,23 +45,23 @@ class Tissue:
     """Wall of a duct.
 
     Attributes:
-        axial_modulus_pa, circumferential_modulus_pa: Quantity. Young's moduli along the duct and round it; equal in an
-            isotropic wall.
-        major_poisson_ratio: Quantity. Contraction along the softer direction per stretch along the stiffer one.
-        relaxing_shares, relaxation_times_s: tuple of Quantity. Prony series of the instantaneous modulus.
-        stiffening_exponent: Quantity. Exponent of Fung's law: at a uniaxial stretch e the wall is exp(a e^2) times as
-            stiff as at rest.
+        axial_modulus_pa, circumferential_modulus_pa: SourcedValue. Young's moduli along the duct and round it; equal in
+            an isotropic wall.
+        major_poisson_ratio: SourcedValue. Contraction along the softer direction per stretch along the stiffer one.
+        relaxing_shares, relaxation_times_s: tuple of SourcedValue. Prony series of the instantaneous modulus.
+        stiffening_exponent: SourcedValue. Exponent of Fung's law: at a uniaxial stretch e the wall is exp(a e^2) times
+            as stiff as at rest.
         distension: Distension, optional. The measurement that the moduli are read from.
     """
 
-    thickness_m: Quantity
-    density_kg_m3: Quantity
-    axial_modulus_pa: Quantity
-    circumferential_modulus_pa: Quantity
-    major_poisson_ratio: Quantity
-    relaxing_shares: tuple[Quantity, ...]
-    relaxation_times_s: tuple[Quantity, ...]
-    stiffening_exponent: Quantity
+    thickness_m: SourcedValue
+    density_kg_m3: SourcedValue
+    axial_modulus_pa: SourcedValue
+    circumferential_modulus_pa: SourcedValue
+    major_poisson_ratio: SourcedValue
+    relaxing_shares: tuple[SourcedValue, ...]
+    relaxation_times_s: tuple[SourcedValue, ...]
+    stiffening_exponent: SourcedValue
     distension: Distension | None = None
 
     def section(self, axis: FloatArray) -> ShellSection:
@@ -124,30 +110,30 @@ class Tissue:
         shares, times = self.relaxing_shares, self.relaxation_times_s
         return PronySeries(tuple(q.value for q in shares), tuple(q.value for q in times))
 
-    def quantities(self) -> dict[str, Quantity]:
+    def quantities(self) -> dict[str, SourcedValue]:
         """Return all quantities by name; those of the relaxation are numbered."""
-        named: dict[str, Quantity] = {}
+        named: dict[str, SourcedValue] = {}
         for name in self.__slots__:
             entry = getattr(self, name)
-            if isinstance(entry, Quantity):
+            if isinstance(entry, SourcedValue):
                 named[name] = entry
             elif isinstance(entry, tuple):
                 named |= {f"{name}[{index}]": quantity for index, quantity in enumerate(entry)}
         return named
 
 
-_WALL = Quantity(0.8e-3, 0.5e-3, 1.2e-3, "assumption; walls of about 1 mm are quoted without measurement")
-_DENSITY = Quantity(1060.0, 1040.0, 1060.0, "assumption; usual for soft tissue")
-_POISSON = Quantity(0.45, 0.40, 0.499, "assumption; soft tissue is nearly incompressible")
+_WALL = assumed_value(0.8e-3, 0.5e-3, 1.2e-3, "assumption; walls of about 1 mm are quoted without measurement")
+_DENSITY = assumed_value(1060.0, 1040.0, 1060.0, "assumption; usual for soft tissue")
+_POISSON = assumed_value(0.45, 0.40, 0.499, "assumption; soft tissue is nearly incompressible")
 _SHARES = tuple(
-    Quantity(share, 0.0, 0.3, f"assumption; ducts of dogs hardly creep ({CANINE}), human ones do (Girard 2019)")
+    assumed_value(share, 0.0, 0.3, f"assumption; ducts of dogs hardly creep ({CANINE}), human ones do (Girard 2019)")
     for share in (0.2, 0.15, 0.1)
 )
 _TIMES = tuple(
-    Quantity(time, 0.3 * time, 3.0 * time, "assumption; one time a decade over what a grasp lasts")
+    assumed_value(time, 0.3 * time, 3.0 * time, "assumption; one time a decade over what a grasp lasts")
     for time in (0.1, 1.0, 10.0)
 )
-_EXPONENT = Quantity(
+_EXPONENT = assumed_value(
     20.0,
     1.0,
     100.0,
@@ -157,10 +143,10 @@ _EXPONENT = Quantity(
 
 TISSUES: dict[str, Tissue] = {
     "reference_duct": Tissue(
-        Quantity(0.5e-3, 0.5e-3, 1.2e-3, "assumption; the wall of the verification cases"),
+        assumed_value(0.5e-3, 0.5e-3, 1.2e-3, "assumption; the wall of the verification cases"),
         _DENSITY,
-        Quantity(100e3, 30e3, 400e3, "assumption; within the secants that Duch's ducts allow"),
-        Quantity(100e3, 30e3, 400e3, "assumption; isotropic, as in the paper"),
+        assumed_value(100e3, 30e3, 400e3, "assumption; within the secants that Duch's ducts allow"),
+        assumed_value(100e3, 30e3, 400e3, "assumption; isotropic, as in the paper"),
         _POISSON,
         _SHARES,
         _TIMES,
@@ -169,14 +155,14 @@ TISSUES: dict[str, Tissue] = {
     "porcine_common_bile_duct": Tissue(
         _WALL,
         _DENSITY,
-        Quantity(
+        assumed_value(
             45.3e3,
             30.2e3,
             72.5e3,
             f"{DUCH}: closed ends pull with p r / 2 = 10.8 N/m, at 25 % stretch and less what the tension round it "
             "contracts that is 36 N/m over an assumed 0.8 mm",
         ),
-        Quantity(
+        assumed_value(
             260e3,
             174e3,
             417e3,
@@ -192,8 +178,8 @@ TISSUES: dict[str, Tissue] = {
     "soft_cystic_duct": Tissue(
         _WALL,
         _DENSITY,
-        Quantity(40e3, 20e3, 93e3, f"assumption; softer than the common bile duct, as in dogs ({CANINE})"),
-        Quantity(200e3, 80e3, 580e3, f"assumption; softer than the common bile duct, as in dogs ({CANINE})"),
+        assumed_value(40e3, 20e3, 93e3, f"assumption; softer than the common bile duct, as in dogs ({CANINE})"),
+        assumed_value(200e3, 80e3, 580e3, f"assumption; softer than the common bile duct, as in dogs ({CANINE})"),
         _POISSON,
         _SHARES,
         _TIMES,

@@ -14,6 +14,7 @@ import msgspec
 import trocar.protocol.bodies as bodies
 from trocar import protocol
 from trocar.protocol import Frame, FrameError, Reason, Topic
+from trocar.protocol.topics import HEARTBEAT_S
 from trocar.services.runtime.bus import frame_batches
 from trocar.services.runtime.bus.clocks import ClockOffset
 from trocar.services.runtime.measures.histogram import LatencyHistogram
@@ -25,13 +26,14 @@ FLOOD_BURST = 100.0
 #: Frames beyond that rate, by the publisher's own numbers and times, that are a flood: at four times 1 kHz after 50 ms.
 #: A reader of only the newest frames could not detect one otherwise.
 FLOOD_FRAMES = 50.0
-#: Seconds of frames that a delayed reader of every frame of a fast topic may catch up.
+#: Seconds of frames that a delayed reader of every frame of a fast topic may catch up: as many as the recorder can keep
+#: waiting for a slow disk. Of all four 1 kHz topics they take 213 MB in a file (benchmarks/results/recorder.md).
 BACKLOG_S = 30.0
 #: No publisher sends more frames of a topic in a second: a greater step of the sequence was not made by sending.
 FASTEST_HZ = 1e6
 #: Silence after which a process is taken to be gone, as the supervisor does by default: one that it had replaced may
 #: come back then. Another sequence of the same process is followed once its last frame is no longer fresh.
-GONE_S = 0.5
+GONE_S = HEARTBEAT_S
 FAR_NS = 1_000_000  # half a round trip from which a sampled topic is read all the time
 #: Most frames of one `drain`, to bound a loop's time; the others wait for the next.
 DRAIN_LIMIT = 256
@@ -254,20 +256,20 @@ class Inbox:
         """
         last = self.last
         if last is None:
-            self._follow(frame, now_ns)
+            self._follow_sender(frame, now_ns)
         elif frame.incarnation != last.incarnation:
             if frame.incarnation in self._retired and not self._may_replace(frame, now_ns, GONE_S):
                 raise FrameError(Reason.OLD_INCARNATION, f"{frame.incarnation} was replaced")
             self._retired.append(last.incarnation)
-            self._follow(frame, now_ns)
+            self._follow_sender(frame, now_ns)
         elif 0 <= (gap := frame.sequence - last.sequence - 1) <= self._longest_gap(now_ns):
             self._skip(frame, gap)
         elif self._may_replace(frame, now_ns, self.row.stale_after_s):
-            self._follow(frame, now_ns)
+            self._follow_sender(frame, now_ns)
         else:
             raise FrameError(Reason.OUT_OF_ORDER, f"sequence {frame.sequence} after {last.sequence}")
 
-    def _follow(self, frame: Frame, now_ns: int) -> None:
+    def _follow_sender(self, frame: Frame, now_ns: int) -> None:
         """Take a frame as the first of the sender that is followed from now on."""
         self._begun_ns = now_ns
         self._counted = frame.sequence, frame.sent_ns

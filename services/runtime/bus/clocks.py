@@ -24,8 +24,10 @@ from trocar.services.runtime.config.rig import LOOPBACK, Transport
 
 #: Largest relative drift of two clocks slewed by NTP, each by up to 500 ppm.
 DRIFT = 1e-3
+#: Meanwhile two clocks drift apart by at most `DRIFT` of it, 0.1 ms: a tenth of a tick.
 _ASK_EVERY_NS = 100_000_000
 _ANSWER = struct.Struct("<qq16s")  # asked_ns as it came, told_ns, whose clock
+#: Of one call, so that a flood of questions does not hold a loop; a rig's six processes ask ten times a second.
 _ANSWERS = 16
 #: Identity of this process' clock: the host's boot, and the time namespace.
 _OURS = hashlib.blake2b(Path("/proc/sys/kernel/random/boot_id").read_bytes(), digest_size=16)
@@ -105,7 +107,7 @@ class Clocks:
                 asking.connect(where)
                 self.offsets[name] = ClockOffset()
 
-    def turn(self) -> None:
+    def exchange_times(self) -> None:
         """Answer requests, send requests, and process answers. Never blocks; does nothing on a single host."""
         if self._answering is None and not self._asking:
             return

@@ -20,11 +20,16 @@ from trocar.services.runtime.bus import zmtp
 
 #: Most connections at one socket; a rig has at most half a dozen.
 MAX_PEERS = 64
+#: A subscription of our own has one byte, one of another program a prefix. All peers together hold at most 128 kB of
+#: them.
 _LONGEST_SUBSCRIPTION = 1024
 #: More than the system's buffer of a connection, so that one read empties it.
 _READ_BYTES = 1 << 18
-_RECONNECT_S = 2e-3
-_ROUNDING_S = 30e-6  # select() may return this much early; the rest is slept
+#: Interval of connecting to a missing publisher: twice in the time after which a state topic is stale, so that a
+#: restart costs the hand nothing more. A try takes some microseconds.
+RECONNECT_S = 2e-3
+#: The last part of a wait is slept, as select() may return this much early.
+ROUNDING_S = 30e-6
 _GONE = (ConnectionError, zmtp.ProtocolError)
 
 
@@ -195,10 +200,10 @@ class DirectReader:
         """
         while self._frame is None:
             remaining_s = (until_ns - time.monotonic_ns()) * 1e-9
-            if remaining_s >= _ROUNDING_S and self._connection is not None:
+            if remaining_s >= ROUNDING_S and self._connection is not None:
                 select.select((self._connection,), (), (), remaining_s)
             elif remaining_s > 0.0:
-                time.sleep(min(remaining_s, _RECONNECT_S))
+                time.sleep(min(remaining_s, RECONNECT_S))
             self._read()
             if remaining_s <= 0.0:
                 return self._frame is not None
@@ -214,7 +219,7 @@ class DirectReader:
         now_s = time.monotonic()
         if now_s < self._retry_s:
             return
-        self._retry_s = now_s + _RECONNECT_S
+        self._retry_s = now_s + RECONNECT_S
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         connection.setblocking(False)
         try:
@@ -223,7 +228,7 @@ class DirectReader:
         except OSError:  # no publisher, or none that accepts now
             connection.close()
             return
-        self._incoming.begin()
+        self._incoming.begin_peer()
         self._subscribed = False
         self._connection = connection
 

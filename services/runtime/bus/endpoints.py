@@ -21,7 +21,8 @@ from trocar.services.runtime.config.rig import Transport
 from trocar.services.runtime.errors import BusError
 from trocar.services.runtime.private_directory import make_private, open_text
 
-_MAX_IPC_PATH = 107
+_MAX_IPC_PATH = 107  # unix(7): `sun_path` has 108 bytes, the last of them zero, on Linux
+#: Ports among which topics are distributed by their names. `Transport.base_port` ends at 57000, so all are below 65536.
 _PORTS = 8192
 #: Suffix of the endpoint of a topic's batches, see `trocar.services.runtime.bus.frame_batches`.
 _BATCHES = ".whole"

@@ -17,13 +17,16 @@ import zmq
 
 from trocar.protocol import Topic, topic
 
+#: A batch costs the publisher 90 us, so all of a second cost 0.5 % of its time; observers show at most 60 pictures a
+#: second.
 SENDS_PER_S = 60
 #: Most frames of a batch; readers count further ones as lost.
 _LONGEST = 1000
 #: Frames kept for the first reader, whose socket tries to connect every 50 ms.
 _FIRST = 64
-_GAP_NS = 1_000_000_000 // SENDS_PER_S
-#: Age of a batch at which it is sent with the next frame, if the publisher does not call `send_if_due`.
+_GAP_NS = round(1e9 / SENDS_PER_S)
+#: Age of a batch at which it is sent with the next frame, if the publisher does not call `send_if_due`: one that calls
+#: it each tick is never as late, however the two periods fall.
 _LATE_NS = 2 * _GAP_NS
 #: How long a process waits for its last batches to be sent at its end.
 _LINGER_MS = 20

@@ -8,7 +8,7 @@ from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.journal import RUN_COLUMNS, Journal
 from trocar.services.runtime.bus.bus import Bus
 
-#: Number of ticks in a journal.
+#: Number of ticks in a journal: eight are sent a second, fewer than the topic's ten, and a crash loses the last 0.13 s.
 _TICKS = 128
 
 

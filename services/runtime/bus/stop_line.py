@@ -9,11 +9,13 @@ import socket
 from contextlib import closing, suppress
 from pathlib import Path
 
+from trocar.protocol.topics import HEARTBEAT_S
 from trocar.services.runtime.bus import endpoints
 from trocar.services.runtime.bus.claim import Claim
 from trocar.services.runtime.config.rig import Transport
 
-_PATIENCE_S = 1.0
+#: A gateway looks here every tick, and one that has not for twice the heartbeat's limit hangs: its drives let go then.
+_PATIENCE_S = 2 * HEARTBEAT_S
 
 
 def stop_path(transport: Transport) -> Path:

@@ -21,7 +21,7 @@ import trocar.protocol.bodies as bodies
 from trocar.protocol import Frame, Reason, topic
 from trocar.services.runtime.bus import bus, endpoints, keys
 from trocar.services.runtime.bus.clocks import Clocks
-from trocar.services.runtime.bus.direct import DirectReader, DirectSender
+from trocar.services.runtime.bus.direct import RECONNECT_S, ROUNDING_S, DirectReader, DirectSender
 from trocar.services.runtime.bus.frame_batches import (
     SENDS_PER_S,
     BatchSender,
@@ -35,18 +35,18 @@ from trocar.services.runtime.config.rig import Transport
 from trocar.services.runtime.errors import BusError
 from trocar.services.runtime.realtime.scheduling import step_aside
 
-#: Frames that a slow reader may fall behind before frames are lost and counted.
+#: Frames that a slow reader may fall behind before frames are lost and counted: ZeroMQ's default. The topics that it is
+#: for have at most 60 frames a second, so it lasts for a quarter of a minute at least.
 _HIGH_WATER_MARK = 1000
 #: Batches that a publisher keeps for a process that is not run at all, of three seconds. A process that runs, but has
 #: no time for its frames, keeps those of `bus.BACKLOG_S` itself.
 _BATCHES_KEPT = 3 * SENDS_PER_S
-_RECONNECT_MS = 2
 #: Longest interval of reconnecting to a missing publisher; otherwise a thread of the reader's priority would try 500
 #: times a second for a topic whose process the rig does not have.
 _RECONNECT_MAX_MS = 50
 #: Frames between two updates of the number of readers, since subscriptions of sampling readers accumulate.
 _COUNT_READERS_EVERY = 16
-_ROUNDING_NS = 30_000  # select() may return this much early; the rest is slept
+_ROUNDING_NS = round(1e9 * ROUNDING_S)
 
 
 class ZmqBus:
@@ -154,7 +154,7 @@ class ZmqBus:
             socket.rcvhwm = _HIGH_WATER_MARK if batch_endpoint(name) == name else round(bus.BACKLOG_S * SENDS_PER_S)
         else:
             socket.conflate = True  # keeps the newest; needs one topic and one part per socket
-        socket.reconnect_ivl = _RECONNECT_MS
+        socket.reconnect_ivl = round(1e3 * RECONNECT_S)
         if samples or box.every or not has_batches(box.row):  # over tcp the hand waits for a fast topic
             socket.reconnect_ivl_max = _RECONNECT_MAX_MS
         where = endpoints.endpoint(transport, batch_endpoint(name) if every else name)
@@ -190,12 +190,12 @@ class ZmqBus:
         if self._authenticator:
             self._authenticator.answer()
         if batches is None:  # processes without fast topics do not flush
-            self._clocks.turn()
+            self._clocks.exchange_times()
         return box.sent - 1
 
     def flush(self) -> None:
         """Send the batches that are due for observers, and update the clocks of other hosts."""
-        self._clocks.turn()
+        self._clocks.exchange_times()
         if self._batches:
             now_ns = time.monotonic_ns()
             for batches in self._batches.values():
@@ -208,7 +208,7 @@ class ZmqBus:
             data = direct.newest()
             return None if data is None else box.accept(data)
         if not box.is_near:
-            self._clocks.turn()
+            self._clocks.exchange_times()
         socket = self._receivers[name]
         if not is_readable(socket):
             return None
@@ -230,7 +230,7 @@ class ZmqBus:
         """Return the next unread message of `name`, unchecked; a single frame is a batch of one."""
         socket, box = self._receivers[name], self._in[name]
         if not box.is_near:
-            self._clocks.turn()
+            self._clocks.exchange_times()
         if not is_readable(socket):  # the usual case, at a third of the cost of an exception
             return None
         try:

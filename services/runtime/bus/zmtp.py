@@ -6,7 +6,7 @@ sends messages that begin with 1 (subscribe) or 0 (cancel), a publisher its fram
 
 from __future__ import annotations
 
-_LONG, _COMMAND = 2, 4  # flags of a part; multi-part messages are not used
+_LONG, _COMMAND = 2, 4  # flags of a part by RFC 23; multi-part messages are not used
 _NULL = b"NULL".ljust(20, b"\0")
 _READY = b"\x05READY"
 GREETING = b"\xff\0\0\0\0\0\0\0\x01\x7f" + b"\x03\0" + _NULL + bytes(32)
@@ -55,7 +55,7 @@ class Incoming:
         self._greeted = False
         self.is_ready = False
 
-    def begin(self) -> None:
+    def begin_peer(self) -> None:
         """Reset for another peer."""
         self._end = 0
         self._greeted = self.is_ready = False

@@ -22,8 +22,6 @@ from trocar.services.runtime.errors import ConfigError
 T = TypeVar("T")
 Origins = dict[str, str]
 
-#: Largest size of a file, as it may be an endless device.
-_LONGEST = 1_000_000
 _ROOT = Path(__file__).resolve().parents[3]
 _INSTALLED = _ROOT / "trocar" / "configs"
 
@@ -74,9 +72,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """
     try:
         with path.open(encoding="utf-8") as file:
-            text = file.read(_LONGEST + 1)
-        if len(text) > _LONGEST:
-            raise ConfigError(f"{path}: has more than {_LONGEST:g} characters, that is no configuration")
+            text = file.read(yaml_text.LONGEST_TEXT + 1)
+        if len(text) > yaml_text.LONGEST_TEXT:
+            raise ConfigError(f"{path}: has more than {yaml_text.LONGEST_TEXT:g} characters, that is no configuration")
         data = yaml_text.read(text)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}") from None

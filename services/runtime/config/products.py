@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import pydantic
 
+from trocar.services.messages.sourced_value import SourcedValue
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError
 
@@ -15,19 +16,6 @@ FOLDER = "catheters"
 
 
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Value:
-    """A value in SI units with its range and source; ``assumed`` marks one without a measurement or a norm."""
-
-    __pydantic_config__ = _STRICT
-
-    value: float
-    low: float
-    high: float
-    source: str
-    assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,10 +33,10 @@ class Product:
 
     title: str
     kind: Literal["catheter", "guide_wire"]
-    values: dict[str, Value]
-    sections: tuple[dict[str, Value], ...] = ()
+    values: dict[str, SourcedValue]
+    sections: tuple[dict[str, SourcedValue], ...] = ()
 
-    def named_values(self) -> dict[str, Value]:
+    def named_values(self) -> dict[str, SourcedValue]:
         """Return all values by name, those of sections with their number."""
         named = dict(self.values)
         for k, section in enumerate(self.sections):
@@ -67,13 +55,7 @@ def load_product(name: str | Path) -> Product:
     Raises ConfigError: one sentence that names the file and the key.
     """
     path = config.find("catheter", name)
-    product = config.build(Product, config.read_yaml(path), str(path))
-    for key, value in product.named_values().items():
-        if not value.low <= value.value <= value.high:
-            raise ConfigError(
-                f"{path}: {key}: {value.value:g} is outside its own range {value.low:g} to {value.high:g}"
-            )
-    return product
+    return config.build(Product, config.read_yaml(path), str(path))
 
 
 def take_products(data: dict[str, Any], where: str, origins: config.Origins) -> None:
@@ -85,12 +67,12 @@ def take_products(data: dict[str, Any], where: str, origins: config.Origins) -> 
     catheter = data.get("catheter")
     if not isinstance(catheter, dict):
         return
-    _take(catheter, "catheter", "catheter", where, origins)
+    _take_part(catheter, "catheter", "catheter", where, origins)
     if isinstance(catheter.get("guide_wire"), dict):
-        _take(catheter["guide_wire"], "guide_wire", "catheter.guide_wire", where, origins)
+        _take_part(catheter["guide_wire"], "guide_wire", "catheter.guide_wire", where, origins)
 
 
-def _take(part: dict[str, Any], kind: str, path: str, where: str, origins: config.Origins) -> None:
+def _take_part(part: dict[str, Any], kind: str, path: str, where: str, origins: config.Origins) -> None:
     name = part.get("product")
     if not isinstance(name, str):
         return

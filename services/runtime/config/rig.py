@@ -65,7 +65,7 @@ def _not_empty(values: Any) -> Any:
 _A_LOOK = "what fails has to be noticed while a person still looks"
 _WATCHED = between(0.0, 60.0, "s", _A_LOOK)
 _LATENCY = between(1.0, 6e7, "us", "a minute is judged at a time, and no frame arrives within a microsecond")
-_A_WEEK = 604_800.0
+_A_WEEK = 604_800.0  # its nanoseconds are whole numbers of 64-bit floats, as those of up to 104 days are
 Vector3 = tuple[Metres, Metres, Metres]
 NamedPath = Annotated[Path, BeforeValidator(_not_nothing)]
 Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_a_file_can_have_it)]

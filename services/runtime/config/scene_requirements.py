@@ -37,11 +37,11 @@ class SceneRequirements:
         return OF_CONTACT if self.duct_alone else ()
 
     def is_published(self, topic: str) -> bool:
-        """Whether some process publishes a topic."""
+        """Return whether some process publishes a topic."""
         return TOPICS[topic].publisher not in self.idle
 
     def is_read(self, topic: str) -> bool:
-        """Whether some process might read a topic."""
+        """Return whether some process might read a topic."""
         row = TOPICS[topic]
         return any(process not in self.idle for process in (*row.readers, *row.observers))
 

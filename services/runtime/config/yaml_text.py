@@ -7,10 +7,12 @@ from typing import Any
 
 import yaml
 
-MOST_VALUES = 1_000_000
-"""Limit of the values of a file with expanded aliases, a few lines of which can exceed any memory."""
+LONGEST_TEXT = 1_000_000
+"""Most characters of a file, as it may be an endless device: four hundred times the longest in configs."""
+MOST_VALUES = LONGEST_TEXT
+"""Limit of the values of a file with expanded aliases: no file without aliases has more values than characters."""
 LARGEST_WHOLE = 2**63
-"""Limit of whole numbers, which must fit machine integers; larger quantities are written like 1e20."""
+"""Limit of whole numbers, as they must fit machine integers; larger quantities are written like 1e20."""
 
 _STRANGE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
 
@@ -86,7 +88,7 @@ def read(text: str) -> Any:
         raise yaml.MarkedYAMLError(problem="brackets are nested too deeply") from None
 
 
-_BEGUN = -1
+_BEGUN = -1  # smaller than any number of values
 
 
 def _written_out(value: Any, known: dict[int, int]) -> int:

@@ -25,6 +25,7 @@ class Tick:
 
 #: Gap between two ticks, in periods, that is reported as a stall.
 STALL_PERIODS = 10
+#: A stall lasts ten ticks or more, so that hardly more of them fit between two reports.
 _STALLS_KEPT = 8
 
 
@@ -244,6 +245,7 @@ class TickClock:
 #: Largest share of its core that a following loop takes, once it has exceeded it by `_AHEAD_NS`. The kernel throttles
 #: all real-time threads that leave less than 5 % of a core for 50 ms in every second.
 SHARE = 0.8
+#: With `SHARE` that makes 85 % of any second, less than the 95 % at which the kernel throttles.
 _AHEAD_NS = 50_000_000
 #: A longer tick was not only work: the process was stopped, or waited for its core.
 _WORK_NS = 20_000_000
@@ -264,7 +266,7 @@ class DutyCycleLimiter:
         return round(max(0.0, self._ahead_ns - _AHEAD_NS) / SHARE)
 
 
-def follow(
+def follow_topic(
     bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool], slack: Callable[[], object] = lambda: None
 ) -> Iterator[Frame | None]:
     """Yield each new frame of `topic`, only the newest; None if none came for two periods.

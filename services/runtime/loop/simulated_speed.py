@@ -19,7 +19,8 @@ SPEEDS = (1.0, 0.9, 0.8, 0.7, 0.6)
 #: A page counts the pictures of a second, so its count is uncertain by one.
 _COUNT_HZ = 1.0
 _NEEDED_HZ = LEAST_PICTURES_HZ + _COUNT_HZ
-#: So many that the loops take nothing from them: a graphics processor draws.
+#: So many that the loops take nothing from them, as a graphics processor draws: enough at full speed, too, for which
+#: the slowest leaves up to 1.7 times as many.
 _AMPLE_HZ = 2.0 * _NEEDED_HZ
 _HYSTERESIS = Hysteresis(calm_s=10.0, trial_s=20.0, longest_s=120.0)
 #: A page counts its pictures once a second and says the count more often; after some seconds without a word nobody

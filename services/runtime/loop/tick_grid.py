@@ -12,9 +12,8 @@ import msgspec
 
 from trocar.protocol import Frame
 
-EVERY_TICKS = 40
-"""Ticks between two moments: 25 a second."""
-#: Moments kept whose frames have not all come, of some seconds.
+#: Moments kept whose frames have not all come: of five seconds, ten times the silence after which a process is
+#: replaced.
 _KEPT = 128
 _STATE_OF = {
     "gateway.moment": "gateway.state",

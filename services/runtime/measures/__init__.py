@@ -1,1 +1,1 @@
-"""What a loop measures of itself: histograms, durations of stages, and the flight ring."""
+"""A loop's measurements of itself: histograms, durations of stages, and the flight ring."""

@@ -24,12 +24,13 @@ from trocar.services.runtime.private_directory import make_private, open_private
 MAGIC = b"TROCARF1"
 #: First columns of a row, in ns; the stages follow.
 COLUMNS = ("tick", "due_ns", "began_ns", "ended_ns", "ran_ns")
+#: Twice as long as those who read it let pass between two looks (`LOOK_S`), so that none is missed.
 SECONDS = 2.0
+LOOK_S = 0.5 * SECONDS  # half of it
 SUFFIX = ".flight"
-#: Size of the header (magic, length of a JSON object, the object, number of rows ever written), before the ring of
-#: rows.
-HEADER_BYTES = 4096
-_COUNT_BYTES = 64
+#: Size of the header (magic, length of a JSON object, the object), a page of memory, and of the number of rows ever
+#: written, a cache line, as it is written every tick. The ring of rows follows.
+HEADER_BYTES, _COUNT_BYTES = 4096, 64
 ROWS_AT = HEADER_BYTES + _COUNT_BYTES
 _MEMORY = Path("/dev/shm")
 

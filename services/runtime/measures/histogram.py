@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 import trocar.protocol.bodies as bodies
 from trocar.protocol.arrays import pack
 
-#: Buckets per doubling: edges are 4.4 % apart, so a bucket's middle is within 2.2 % of its durations.
+#: Buckets per doubling: edges are 4.4 % apart, so that a bucket's middle is within 2.2 % of its durations.
 PER_OCTAVE = 16
 #: Doublings below and above the deadline: 1 ms reaches from 1 us to 1 s.
-OCTAVES_BELOW = 10
-OCTAVES_ABOVE = 10
-BUCKETS = PER_OCTAVE * (OCTAVES_BELOW + OCTAVES_ABOVE) + 2
-_OFFSET = PER_OCTAVE * OCTAVES_BELOW + 1
+OCTAVES_BELOW = OCTAVES_ABOVE = 10
+BUCKETS = PER_OCTAVE * (OCTAVES_BELOW + OCTAVES_ABOVE) + 2  # one more for what is below all edges, one for above
+_OFFSET = PER_OCTAVE * OCTAVES_BELOW + 1  # of the first bucket above the deadline
 
 
 @lru_cache(maxsize=64)  # a rig has a handful; bounded because peers report deadlines

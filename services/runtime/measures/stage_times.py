@@ -15,11 +15,11 @@ from trocar.services.runtime.measures.histogram import quantile
 
 #: Buckets reach from 128 ns to 134 ms, four to a doubling and equally wide within it, plus one below and above.
 _FIRST_OCTAVE, _OCTAVES, _PER_OCTAVE = 7, 20, 4
-BUCKETS = _OCTAVES * _PER_OCTAVE + 2
-_MANTISSA_BITS = 23
-_SHIFT = _MANTISSA_BITS - 2  # two bits of the mantissa: four buckets an octave
-_BYTES = 4 * BUCKETS
-_OFFSET = (127 + _FIRST_OCTAVE) * _PER_OCTAVE - 1
+BUCKETS = _OCTAVES * _PER_OCTAVE + 2  # one more for what is below all edges, one for above
+_FLOAT = np.finfo(np.float32)
+_SHIFT = _FLOAT.nmant - _PER_OCTAVE.bit_length() + 1  # leaves the exponent, and the mantissa's bits for four buckets
+_BYTES = np.dtype(np.int32).itemsize * BUCKETS
+_OFFSET = (1 - int(_FLOAT.minexp) + _FIRST_OCTAVE) * _PER_OCTAVE - 1  # 1 - minexp: bias of the exponent, 127
 
 
 def edges_ns() -> NDArray[np.float64]:

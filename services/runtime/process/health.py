@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
 
 import trocar.protocol.bodies as bodies
+from trocar.protocol.topics import HEALTH_S
 from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.config.rig import PATH_OWNERS
 from trocar.services.runtime.loop.loop import LoopMeter
@@ -16,8 +17,8 @@ from trocar.services.runtime.measures.stage_times import StageTimes
 from trocar.services.runtime.realtime.realtime import Fact
 from trocar.services.runtime.realtime.scheduling import step_aside
 
-_PERIOD_NS = 100_000_000
-#: Shortest time between reports that are urgent.
+_PERIOD_NS = round(1e9 * HEALTH_S)
+#: Shortest time between reports that are urgent: a flood without end costs a tenth more of them.
 _URGENT_EVERY_NS = 1_000_000_000
 #: Prefix of gauges of flooded topics, with the number of frames beyond the rate.
 FLOOD = "flood."

@@ -18,7 +18,7 @@ from pathlib import Path
 _OURS = Path("/proc/self/autogroup")
 #: Ordinary users can change groups ten times a second, all of them together.
 _TRIES, _APART_S = 10, 0.1
-_PR_SET_PDEATHSIG = 1
+_PR_SET_PDEATHSIG = 1  # Linux: <linux/prctl.h>
 
 
 def set_group_niceness(niceness: int, path: Path = _OURS) -> bool:

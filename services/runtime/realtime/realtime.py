@@ -23,10 +23,10 @@ from trocar.services.runtime.realtime.autogroup import set_group_niceness
 from trocar.services.runtime.realtime.scheduling import Scheduling, SchedulingRequest, own_threads
 from trocar.services.start import start_up
 
-_PR_SET_TIMERSLACK, _PR_SET_THP_DISABLE = 29, 41
-_MCL_CURRENT, _MCL_FUTURE = 1, 2
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
-_LARGEST_MMAP_THRESHOLD = 32 << 20
+_PR_SET_TIMERSLACK, _PR_SET_THP_DISABLE = 29, 41  # Linux: <linux/prctl.h>
+_MCL_CURRENT, _MCL_FUTURE = 1, 2  # Linux: <sys/mman.h>
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # of the GNU library for Linux: <malloc.h>
+_LARGEST_MMAP_THRESHOLD = 32 << 20  # mallopt(3) refuses more than that on 64 bits (`DEFAULT_MMAP_THRESHOLD_MAX`)
 #: Python maps memory for small objects, of up to 512 bytes, in arenas of 1 MiB, and unmaps an arena without objects. A
 #: loop was seen to map one in three seconds; there is room for four. Larger objects lie in the heap, which was seen to
 #: grow by 2 MiB in a minute; it gets room for four as well.

@@ -29,7 +29,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
 
     An `order` is for the attempt; a `line` is for the shown recording, or names the scenario to
     switch to, or the recording and tick to go on from. Without an
-    `incarnation` it is for no run until its sender has learnt the present one (`control.ask`).
+    `incarnation` it is for no run until its sender has learnt the present one (`command_socket.ask_rig`).
     """
 
     what: What

@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 import trocar.protocol.bodies as bodies
+from trocar.protocol.topics import HEALTH_S, ORDER_S
 from trocar.services.runtime.bus.bus import Bus, new_incarnation
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.loop.loop import LoopMeter
@@ -28,10 +29,7 @@ from trocar.services.supervisor.judge.state_machine import RigFacts, RigState, n
 
 #: How long the rig must be without faults before it counts as RUNNING (again).
 SETTLE_S = 1.0
-#: How long orders of the attempt are repeated; their senders give up then.
-ORDERS_S = 2.0
-_JUDGE_S = 0.1
-_TELL_S = 0.1
+_JUDGE_S = _TELL_S = HEALTH_S
 #: A breach seen for this long, two reports of a process, stands.
 _ENTER_S = 0.2
 
@@ -179,7 +177,7 @@ class Supervisor:
             orders=tuple(
                 msgspec.structs.replace(order, age_s=max(self._now_s - said_s, 0.0))
                 for order, said_s, until_s in self._orders
-                if self._now_s < min(said_s + ORDERS_S, until_s)
+                if self._now_s < min(said_s + ORDER_S, until_s)
             ),
         )
 

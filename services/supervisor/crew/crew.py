@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import trocar.protocol.bodies as bodies
+from trocar.protocol.topics import TICK_NS
 from trocar.services.recordings.errors import HoleError, RecordingError
 from trocar.services.runtime import log
 from trocar.services.runtime.bus.bus import Bus
@@ -21,20 +22,20 @@ from trocar.services.supervisor.crew.floods import Floods
 from trocar.services.supervisor.crew.fork_link import ForkServer
 from trocar.services.supervisor.crew.launcher import Child
 from trocar.services.supervisor.crew.loop_progress import LoopProgress
-from trocar.services.supervisor.crew.member import Fault, Member, MemberState
+from trocar.services.supervisor.crew.member import SAY_AGAIN_S, Fault, Member, MemberState
 
 #: How long a process may take to end by itself.
 END_S = 5.0
 #: A turn of the supervisor later than this was delayed, and the time does not count against any process.
 _HELD_UP_S = 0.05
-#: A lost process is noticed within this time, unless the supervisor itself is delayed, which it then reports.
+#: A lost process is noticed within this time, unless the supervisor itself is delayed, which it then reports: after the
+#: 60 ms of silence that are a hang (`hang_detection.STREAM_SILENCE_S`) it has time for two turns of 20 ms.
 _NOTICE_S = 0.1
-#: Period of reports of the worst delay, as a busy machine delays it many times a second.
-_SAY_EVERY_S = 10.0
 #: This process ends last: it controls the arms, and removes forces by itself when the others fall silent.
 _LAST = "gateway"
-#: Time of listening to a 1 kHz stream in one turn: many periods, and a fraction of the silence that is a hang.
-PATIENCE_NS = 10_000_000
+#: Time of listening to a 1 kHz stream in one turn: ten periods, so that a frame comes in nearly every turn, and half a
+#: turn.
+PATIENCE_NS = 10 * TICK_NS
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ class Crew:
         flowing = self._flowing()
         self._warn(self._floods.messages("supervisor", os.getpid(), self.bus.floods(), now_s))
         if self.launch is not None and self.launch.fork_server is not None and not self.stopping:
-            self._warn(self.launch.fork_server.turn())
+            self._warn(self.launch.fork_server.tend_server())
         for member in self.members.values():
             flows = member.name in flowing
             self._hear(member, now_s, flows)
@@ -168,7 +169,7 @@ class Crew:
             return
         held_up_s = now_s - last
         self._held_up_s = max(self._held_up_s, held_up_s)
-        if self._held_up_s > _NOTICE_S and now_s - self._said_held_up_s >= _SAY_EVERY_S:
+        if self._held_up_s > _NOTICE_S and now_s - self._said_held_up_s >= SAY_AGAIN_S:
             worst_ms, self._held_up_s, self._said_held_up_s = self._held_up_s * 1e3, 0.0, now_s
             level = "warning" if self.all_ready else "debug"  # starting processes delay everything
             self.say(level, f"supervisor: held up for {worst_ms:.0f} ms, limit {_NOTICE_S * 1e3:.0f} ms")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from trocar.services.supervisor.crew.member import Member
 
-#: Most bytes of a rig's logs, sockets, locks and flight rings.
+#: A rig's logs, sockets, locks and flight rings take less than this, so that with more the disk was not at fault.
 _ROOM = 1 << 20
 _LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 import trocar.protocol.bodies as bodies
 from trocar.protocol import TOPICS
 from trocar.services.runtime.process.health import FLOOD
-
-_SAY_EVERY_S = 10.0
+from trocar.services.supervisor.crew.member import SAY_AGAIN_S
 
 
 class Floods:
@@ -33,7 +32,7 @@ class Floods:
             before_pid, before = self._counted.get((reader, topic), (pid, 0.0))
             self._counted[reader, topic] = pid, frames
             new = frames - (before if pid == before_pid else 0.0)
-            if new <= 0 or now_s - self._said_s.get(topic, float("-inf")) < _SAY_EVERY_S:
+            if new <= 0 or now_s - self._said_s.get(topic, float("-inf")) < SAY_AGAIN_S:
                 continue
             self._said_s[topic] = now_s
             row = TOPICS[topic]

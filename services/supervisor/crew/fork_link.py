@@ -23,17 +23,17 @@ import msgspec
 from trocar.services.runtime.private_directory import open_private
 from trocar.services.supervisor.crew.fork_server import ALIVE, GO, ForkOrder
 from trocar.services.supervisor.crew.processes import ENVIRONMENT
-from trocar.services.supervisor.crew.restart_policy import MINUTE_S, RestartPolicy
+from trocar.services.supervisor.crew.restart_policy import MINUTE_S, helper_restarts
 from trocar.services.supervisor.crew.silence import Silence
 
-#: Timeouts of its imports, of a fork, and of a sign of life, on a busy machine.
+#: Timeouts of its imports, of a fork, and of a sign of life: the imports take 4 s on two quiet cores (measured), the
+#: others milliseconds. A rig starts without it, too, so that patience only costs time.
 _IMPORTS_S, _FORK_S, _SILENT_S = 30.0, 5.0, 5.0
+#: As often as five signs of life may come until the last is missed.
 _ASK_EVERY_S = 1.0
-#: Delay of a restart, and the number of them in a minute.
-_RETRY_S, _RETRIES = 2.0, 5
 #: Padding for the command line of a forked process.
 _ROOM = "x" * 2048
-_PR_SET_CHILD_SUBREAPER = 36
+_PR_SET_CHILD_SUBREAPER = 36  # Linux: <linux/prctl.h>
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +53,13 @@ class ForkServer:
         self._fork: _Fork | None = None
         self._told: list[str] = []
         self._ask_s = self._retry_s = 0.0
-        self.begin()
+        self.begin_server()
 
-    def begin(self) -> None:
+    def begin_server(self) -> None:
         """Start the server, if there is none."""
         self._is_wanted = True
         if self._server is None:
-            self._starts, self._restarts = 0, RestartPolicy((_RETRY_S,), _RETRIES)
+            self._starts, self._restarts = 0, helper_restarts()
             self._start()
 
     def _start(self) -> None:
@@ -90,7 +90,7 @@ class ForkServer:
             return self._fork.link.fileno()
         return None if self._server is None or self._has_imported else self._link.fileno()
 
-    def turn(self) -> list[str]:
+    def tend_server(self) -> list[str]:
         """Look after the server, and replace one that was lost; return what there is to say. Never waits."""
         self._look()
         now_s = time.monotonic()
@@ -99,7 +99,7 @@ class ForkServer:
                 self._start()
         elif not self._silence.awaits and now_s >= self._ask_s:
             self._ask_s = now_s + _ASK_EVERY_S
-            self._silence.begin(_SILENT_S)
+            self._silence.await_answer(_SILENT_S)
             with suppress(OSError):  # its end is noticed by the next look
                 self._link.send(ALIVE)
         told, self._told = self._told, []

@@ -30,8 +30,8 @@ IMPORTED = (
     "trocar.services.start.kernel_progress",
 )
 READY, GO, ALIVE = b"ready", b"go", b"alive?"
-_ORDER_MAX = 1 << 16
-_LOOK_S = 0.5e-3
+_ORDER_MAX = 1 << 16  # a module, its arguments and a few variables; by default a Linux socket takes thrice as much
+_LOOK_S = 0.5e-3  # until the kernel has given the child its new parent: short against a start, which takes seconds
 
 
 class ForkOrder(msgspec.Struct, frozen=True):

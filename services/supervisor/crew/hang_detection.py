@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from trocar.protocol.topics import HEARTBEAT_S
 from trocar.services.supervisor.crew.member import Member, MemberState
 
 #: Silence of a 1 kHz stream that is a hang: longer than stalls of a busy machine, short enough to notice in 100 ms.
 STREAM_SILENCE_S = 0.06
-#: A process that recovers from this many silences within this time is overloaded.
+#: A process that recovers from this many silences within this time is overloaded: once or twice may be chance. On a
+#: machine too slow for its scene they came more than once a second (seen in CI).
 STALLS, STALLS_WITHIN_S = 3, 10.0
 #: A wait for a processor of this length, since the process was last heard, is mentioned.
 _STARVED_MS = 10
@@ -29,7 +31,7 @@ _LIVING = ("ready", "running", "degraded")
 class HangLimits:
     """Accepted silences, in seconds."""
 
-    heartbeat_s: float = 0.5
+    heartbeat_s: float = HEARTBEAT_S
     stream_s: float = STREAM_SILENCE_S
     ready_s: float = 120.0
 

@@ -22,6 +22,8 @@ from trocar.services.supervisor.crew.scheduler_state import SchedulerState, Wait
 
 #: Longest line kept, to bound the memory for a child's output.
 _LINE_MAX = 2000
+#: Read of a child's log in one turn of 20 ms, so that one that writes without end (beyond 3 MB/s) does not delay the
+#: others: what is left stays in the file.
 _READ_BYTES = 1 << 16
 #: Colour codes of some libraries' output.
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")

@@ -20,8 +20,9 @@ from trocar.services.supervisor.judge.window import Window
 
 #: The gateway's report is made in parts, so that an earlier one may precede a command.
 _REPORT_S = 0.2
-#: Pause before a process' fault is reported again if only its numbers have changed.
-_AGAIN_S = 10.0
+#: Pause before an event is told again of which only the numbers have changed. The page shows the last fifty events: one
+#: that lasts fills them in eight minutes, at one a second it would in less than one.
+SAY_AGAIN_S = 10.0
 
 
 class MemberState(StrEnum):
@@ -124,7 +125,7 @@ class Member:
             return []
         if detail == self._detail_told and not self._detail_ended:
             return []
-        if now_s - self._detail_told_s < _AGAIN_S and _words(detail) == _words(self._detail_told):
+        if now_s - self._detail_told_s < SAY_AGAIN_S and _words(detail) == _words(self._detail_told):
             return []
         self._detail_told, self._detail_told_s, self._detail_ended = detail, now_s, False
         return [f"{self.name}: {detail}"]

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 
-MINUTE_S = 60.0
+MINUTE_S = 60.0  # the span for which the rig file counts restarts
+#: Delay of a restart of a helper (fork server, page, school), without which a rig goes on, and most of them in a
+#: minute: one that fails at its start takes a fault that lasts for ten seconds, and then no more of the processor than
+#: once a minute.
+HELPER_BACKOFF_S, HELPER_RETRIES = (2.0,), 5
 
 
 class RestartPolicy:
@@ -35,3 +39,8 @@ class RestartPolicy:
     def forgive(self) -> None:
         """Reset the count, as a person has armed the rig."""
         self._times_s.clear()
+
+
+def helper_restarts() -> RestartPolicy:
+    """Return the policy for a helper of the supervisor."""
+    return RestartPolicy(HELPER_BACKOFF_S, HELPER_RETRIES)

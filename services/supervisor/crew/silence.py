@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 
+from trocar.protocol.topics import HEARTBEAT_S
 from trocar.services.supervisor.crew.scheduler_state import SchedulerState
 
-#: How long a signal may stop it.
-_STOPPED_S = 0.5
 #: Most of the time between two looks at it that counts as its silence; the rest is a delay of our own.
 _LOOK_S = 0.1
 
@@ -21,9 +20,9 @@ class Silence:
     def __init__(self, pid: int, patience_s: float) -> None:
         self._kernel = SchedulerState(pid)
         self.awaits = False
-        self.begin(patience_s)
+        self.await_answer(patience_s)
 
-    def begin(self, patience_s: float) -> None:
+    def await_answer(self, patience_s: float) -> None:
         """Wait for an answer from now on."""
         self.awaits, self._patience_s = True, patience_s
         self._silent_s = self._stopped_s = 0.0
@@ -37,7 +36,7 @@ class Silence:
             return ""
         self._silent_s += passed_s
         self._stopped_s = self._stopped_s + passed_s if self._kernel.is_stopped() else 0.0
-        if self._stopped_s > _STOPPED_S:
+        if self._stopped_s > HEARTBEAT_S:
             return "is stopped by a signal"
         silent_s = self._silent_s - (self._kernel.waits().total_s - self._waited_s)
         return f"said nothing for {silent_s:.1f} s" if silent_s > self._patience_s else ""

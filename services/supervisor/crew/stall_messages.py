@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 import trocar.protocol.bodies as bodies
 
+#: A line of a second tells all its stalls; more lines would fill the page, as a busy host stalls a loop many times a
+#: second.
 _SAY_EVERY_S = 1.0
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from trocar.protocol.topics import HEALTH_S
 from trocar.services.runtime.config.rig import PATH_OWNERS, Contracts, LoopContract, PathContract
 from trocar.services.runtime.measures.histogram import quantile_ns
 from trocar.services.supervisor.judge.window import Window
@@ -15,10 +16,10 @@ BUDGET_S, STILL_S = 60.0, 5.0
 #: A loop that spends it within the last seconds, and still does at that rate in the last one, fails as suddenly as in
 #: a breakdown.
 _SPENT_RATE = BUDGET_S / STILL_S
-#: Burn rate of the budget that counts as a breakdown, over a second and still.
-BREAKDOWN_RATE = 50.0
-_BREAKDOWN_S, _BREAKDOWN_STILL_S = 1.0, 0.2
-#: With fewer samples the 99th percentile is meaningless.
+#: Burn rate of the budget that counts as a breakdown, over a second and still, by the last two reports. At fifty
+#: times the allowed rate a minute's budget lasts for 1.2 s.
+BREAKDOWN_RATE, _BREAKDOWN_S, _BREAKDOWN_STILL_S = 50.0, 1.0, 2 * HEALTH_S
+#: The 99th percentile of fewer samples is nothing else than the longest.
 _SAMPLES = 100
 
 

@@ -14,7 +14,8 @@ from trocar.services.runtime.loop.quality_governor import Hysteresis, QualityGov
 LEAST_ERROR_PERCENT = 0.02
 """Smaller errors are rounding, and count as none."""
 TRY_SHARE = 0.25
-"""Largest share of the budget of the worst loop spent on failed tries."""
+"""Largest share of the budget of the worst loop spent on failed tries: three quarters are left for what is not tried.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,9 @@ from itertools import chain, islice
 
 from trocar.services.supervisor.judge.figures import Figures, Loop, Path
 
-#: How long all reports are kept, and the spacing of those kept after that.
+#: How long all reports are kept, and the spacing of those kept after that: the last five seconds, of which contracts
+#: are judged (`contracts.STILL_S`), begin at a report of their own; a minute is exact to a sixtieth
+#: of it, by a step of a second.
 _FINE_S, _COARSE_STEP_S = 6.0, 1.0
 #: Tolerance of the spacing, as reports are only about a tenth of a second apart.
 _SLACK_S = 0.02

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 import trocar.protocol.bodies as bodies
+from trocar.protocol.topics import HEARTBEAT_S, ORDER_S
 from trocar.services.runtime.bus import endpoints
 from trocar.services.runtime.bus.claim import Claim
 from trocar.services.runtime.bus.stop_line import stop_gateway
@@ -19,10 +20,13 @@ from trocar.services.supervisor.control.commands import Command
 from trocar.services.supervisor.control.supervisor import Supervisor
 from trocar.services.supervisor.page.page_link import Link
 
+#: Callers at once: the page, and a person's commands, which last a second. More are kept out, as each holds a
+#: descriptor.
 _PEERS = 8
-_HELLO_S = 1.0
-#: Timeout of a command, which is not executed afterwards.
-ANSWER_S = 2.5
+_HELLO_S = 1.0  # the supervisor, which looks fifty times a second, answers with its first look
+#: Timeout of a command, which is not executed afterwards: that of an order to the attempt, and five reports for the
+#: answer.
+ANSWER_S = ORDER_S + HEARTBEAT_S
 #: Time for an answer to a command that had been begun when its sender wanted to give up.
 _BEGUN_S = 1.0
 
@@ -58,7 +62,7 @@ class CommandSocket:
         for caller in self._callers:
             caller.close()
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Accept clients and process their commands."""
         with suppress(BlockingIOError):
             caller = Link(self._line.accept()[0])
@@ -70,11 +74,11 @@ class CommandSocket:
             try:
                 while (received := caller.receive_claimed(Command)) is not None:
                     self._callers[caller] = True
-                    self._begin(*received, now_s, caller)
+                    self._begin_command(*received, now_s, caller)
             except (ConnectionError, msgspec.DecodeError):
                 self._drop(caller)
 
-    def _begin(self, command: Command, claim: Claim | None, now_s: float, caller: Link) -> None:
+    def _begin_command(self, command: Command, claim: Claim | None, now_s: float, caller: Link) -> None:
         """Hand on a command that came with a claim; without one nobody could tell whether it was given up."""
         if claim is None:
             caller.send(bodies.Answer(order=0, ok=False, text="it came without a claim: nothing was done"))
@@ -87,7 +91,7 @@ class CommandSocket:
         del self._callers[caller]
 
 
-def ask(transport: Transport, command: Command, patience_s: float = ANSWER_S) -> bodies.Answer:
+def ask_rig(transport: Transport, command: Command, patience_s: float = ANSWER_S) -> bodies.Answer:
     """Send a command to the rig on this host and return the answer.
 
     A command without an incarnation is for the present run. If the supervisor does not execute a safe stop, it is sent

@@ -25,7 +25,7 @@ from trocar.services.supervisor.judge.figures import of as figures_of
 from trocar.services.supervisor.judge.window import Window
 from trocar.services.supervisor.page.page_link import RigStatus
 
-EVENTS_SHOWN = 50
+EVENTS_SHOWN = 50  # more than a screen has lines; the log has all of them
 UNKNOWN = math.nan
 
 

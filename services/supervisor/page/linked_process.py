@@ -7,13 +7,11 @@ from pathlib import Path
 
 import msgspec
 
+from trocar.services.supervisor.crew.crew import END_S
 from trocar.services.supervisor.crew.launcher import Child
 from trocar.services.supervisor.crew.processes import ProcessSpec
-from trocar.services.supervisor.crew.restart_policy import MINUTE_S, RestartPolicy
+from trocar.services.supervisor.crew.restart_policy import MINUTE_S, helper_restarts
 from trocar.services.supervisor.page.page_link import Link
-
-#: How long a process that was told to end may take.
-_END_S = 3.0
 
 
 class LinkedProcess:
@@ -22,8 +20,6 @@ class LinkedProcess:
     Args:
         spec: What to start.
         log_file: Where its output goes.
-        retry_s: Delay of a restart.
-        retries: Restarts within a minute, after which it is left alone for a minute.
 
     Attributes:
         child: The process while it lives, else None.
@@ -31,13 +27,13 @@ class LinkedProcess:
         due_s: When it may be started again.
     """
 
-    def __init__(self, spec: ProcessSpec, log_file: Path, retry_s: float, retries: int) -> None:
+    def __init__(self, spec: ProcessSpec, log_file: Path) -> None:
         self.log_file = log_file
         self.child: Child | None = None
         self.link: Link | None = None
         self.due_s = 0.0
         self._spec = spec
-        self._restarts = RestartPolicy((retry_s,), retries)
+        self._restarts = helper_restarts()
 
     def start(self, setup: msgspec.Struct, descriptors: Sequence[int] = ()) -> Child:
         """Start it; its arguments are the link's descriptor and further ones, and its first message is `setup`."""
@@ -69,6 +65,6 @@ class LinkedProcess:
         """End it, by force if it takes too long."""
         self.end()
         if self.child is not None:
-            self.child.wait(_END_S)
+            self.child.wait(END_S)
             self.child.kill()
             self.child.close()

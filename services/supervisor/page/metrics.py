@@ -32,7 +32,7 @@ _RECORDER = {
     "waiting_for_disk_bytes": ("trocar_recorder_waiting_bytes", GaugeMetricFamily, "Bytes not yet written to the disk"),
     "disk_free_bytes": ("trocar_recorder_disk_free_bytes", GaugeMetricFamily, "Free space where recordings are kept"),
 }
-#: Buckets of stages are two to a doubling, not four.
+#: Buckets of stages are two to a doubling, not four, so that a scrape has at most 200 series.
 _EVERY = 2
 #: Edges of paths in the summary, as fractions of the path's limit.
 _PARTS = (0.25, 0.5, 0.71, 1.0, 1.42, 2.0, 4.0)

@@ -14,13 +14,10 @@ from trocar.services.supervisor.control.supervisor import Supervisor
 from trocar.services.supervisor.crew.processes import ProcessSpec
 from trocar.services.supervisor.crew.silence import Silence
 from trocar.services.supervisor.page.linked_process import LinkedProcess
-from trocar.services.supervisor.page.page_link import Heartbeat, PageSetup, RigStatus
+from trocar.services.supervisor.page.page_link import STATUS_S, Heartbeat, PageSetup, RigStatus
 from trocar.services.supervisor.page.page_place import page_file, write_page_file
 
 _PAGE = ProcessSpec("page", "trocar.services.supervisor.page.page_server")
-_TELL_S = 0.2
-#: Delay of a restart, and the number of them in a minute.
-_RETRY_S, _RETRIES = 2.0, 5
 #: Silence that is a hang, of a running and of a starting page, not counting waits for a processor.
 _SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
 
@@ -33,7 +30,7 @@ class Page:
         self._socket = sock
         self._setup = setup
         self._file = page_file(supervisor.rig.transport)
-        self._process = LinkedProcess(_PAGE, log_directory / "page.log", _RETRY_S, _RETRIES)
+        self._process = LinkedProcess(_PAGE, log_directory / "page.log")
         self._due_s = 0.0
         address, token = _address(sock, "https" if setup.fingerprint else "http"), setup.token
         write_page_file(self._file, address, token, setup.fingerprint)
@@ -54,7 +51,7 @@ class Page:
         self._socket.close()
         self._file.unlink(missing_ok=True)
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Send the status when due; restart the process if it ended or hangs."""
         link = self._process.link
         if link is None:
@@ -63,7 +60,7 @@ class Page:
             return
         try:
             while link.receive(Heartbeat) is not None:
-                self._silence.begin(_SILENT_S)
+                self._silence.await_answer(_SILENT_S)
         except ConnectionError:
             self._lose(now_s)
             return
@@ -71,7 +68,7 @@ class Page:
             self._lose(now_s, f"{why} and")
             return
         if now_s >= self._due_s:
-            self._due_s = now_s + _TELL_S
+            self._due_s = now_s + STATUS_S
             link.send(RigStatus.of(self._supervisor, now_s))
 
     def _start(self) -> None:

@@ -15,7 +15,10 @@ from trocar.services.supervisor.judge.state_machine import RigState
 
 #: More than the largest status, two hundred events of a few hundred characters.
 _MESSAGE_MAX = 1 << 18
+#: The page's first message waits for it when it starts, so that only a supervisor that has ended sends none.
 _WAIT_S = 10.0
+#: Period of what the page shows: numbers that change more than five times a second cannot be read.
+STATUS_S = 0.2
 
 
 class PageSetup(msgspec.Struct, frozen=True):

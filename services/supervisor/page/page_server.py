@@ -33,9 +33,9 @@ from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control
 from trocar.services.supervisor.page import dashboard
 from trocar.services.supervisor.page.metrics import Level, RigSource, registry
-from trocar.services.supervisor.page.page_link import Heartbeat, Link, PageSetup, RigStatus
+from trocar.services.supervisor.page.page_link import STATUS_S, Heartbeat, Link, PageSetup, RigStatus
 from trocar.services.supervisor.page.task_metrics import Task
-from trocar.services.supervisor.page.web import EVENT_PERIOD_S, PageContext, build_app
+from trocar.services.supervisor.page.web import PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 #: Silence of the supervisor after which the page is marked as outdated.
@@ -126,7 +126,7 @@ def _run(page_data: PageData, setup: PageSetup, link: Link, sock: socket.socket)
         rig=page_data.rig,
         scene=setup.scene,
         registries={level: registry(page_data.source, level) for level in get_args(Level)},
-        ask=lambda command: control.ask(page_data.rig.transport, command),
+        ask=lambda command: control.ask_rig(page_data.rig.transport, command),
         replays=lambda: page_data.status is not None and page_data.status.replay is not None,
         switches=setup.switches,
         healthy=page_data.healthy,
@@ -181,7 +181,7 @@ async def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Lin
                     page_data.task.attempt,
                 )
             )
-        await asyncio.sleep(EVENT_PERIOD_S)
+        await asyncio.sleep(STATUS_S)
 
 
 if __name__ == "__main__":

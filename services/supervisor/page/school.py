@@ -26,8 +26,9 @@ from trocar.services.supervisor.page.page_link import PageSetup
 
 _MODULE = "trocar.review.school"
 _SCHOOL = ProcessSpec("school", _MODULE)
-_RETRY_S, _RETRIES = 5.0, 3
-_PART_BYTES, _HEAD_BYTES, _PATIENCE_S = 1 << 16, 1 << 16, 30.0
+#: Bytes that are passed on at once, and of the longest head of an answer, which is asyncio's default.
+_PART_BYTES = _HEAD_BYTES = 1 << 16
+_PATIENCE_S = 30.0  # the longest that a page waits for an answer, as of reports that read whole recordings
 
 
 def socket_path(transport: Transport) -> Path:
@@ -40,7 +41,7 @@ class School:
 
     def __init__(self, supervisor: Supervisor, setup: PageSetup, log_directory: Path) -> None:
         self._supervisor, self._setup = supervisor, setup
-        self._process = LinkedProcess(_SCHOOL, log_directory / "school.log", _RETRY_S, _RETRIES)
+        self._process = LinkedProcess(_SCHOOL, log_directory / "school.log")
         self._is_there = supervisor.rig.replay is None and _is_installed()
 
     def end(self) -> None:
@@ -51,7 +52,7 @@ class School:
         """End the process."""
         self._process.close()
 
-    def turn(self, now_s: float) -> None:
+    def run_turn(self, now_s: float) -> None:
         """Start the process if it does not run and is due."""
         if not self._is_there or now_s < self._process.due_s or self._supervisor.state is RigState.STARTING:
             return  # what starts with the rig delays it

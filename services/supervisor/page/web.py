@@ -28,11 +28,13 @@ from trocar.services.runtime.errors import BusError, ConfigError
 from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_files
 from trocar.services.runtime.web.web_host import KnownHost, host_of
 from trocar.services.supervisor.control.commands import Command, What
+from trocar.services.supervisor.page.page_link import STATUS_S
 from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.supervisor.page.school import pass_on, socket_path
 from trocar.services.training.scenario import scenario_names, scenario_of
 
-EVENT_PERIOD_S = 0.2
+#: Longest body of a command: a moment (`_MOMENT`) has 206 characters at most; longest line for a shown recording: `+`
+#: and a number of seconds.
 _ORDER_BYTES, _LINE_BYTES = 1024, 32
 _REPLAY_HEADER = "X-Trocar-Replay"
 _BEFORE_HEADER, _BEFORE = "X-Trocar-Before", re.compile(r"([0-9]{1,15}) ([0-9]{1,9}(?:\.[0-9]{1,9})?)")
@@ -165,7 +167,7 @@ class _Endpoints:
         yield b"retry: 1000\n\n"
         while not self._context.closing:
             yield b"event: state\ndata: " + self._context.latest + b"\n\n"
-            await asyncio.sleep(EVENT_PERIOD_S)
+            await asyncio.sleep(STATUS_S)
 
     async def rig(self, request: Request) -> Response:
         return JSONResponse(self._told(request))
@@ -199,10 +201,10 @@ class _Endpoints:
         return f"{self._scheme}://{host}:*" if _PLAIN_HOST.fullmatch(host) else f"{self._scheme}:"
 
     async def arm(self, request: Request) -> Response:
-        return self._refusal(request) or await self._ask(request, "arm")
+        return self._refusal(request) or await self._ask_supervisor(request, "arm")
 
     async def safe_stop(self, request: Request) -> Response:
-        return self._refusal(request) or await self._ask(request, "safe_stop")
+        return self._refusal(request) or await self._ask_supervisor(request, "safe_stop")
 
     async def attempt(self, request: Request) -> Response:
         """Pass on an order, ``{"what": "slow", "value": 0.25}``, and wait for the training process' answer."""
@@ -213,7 +215,7 @@ class _Endpoints:
         except msgspec.DecodeError as error:
             return JSONResponse({"error": f"the order cannot be read: {error}"}, 400)
         order = bodies.Order(id=secrets.randbits(53), what=asked.what, value=asked.value)
-        return await self._ask(request, "attempt", order)
+        return await self._ask_supervisor(request, "attempt", order)
 
     async def replay(self, request: Request) -> Response:
         """Pass on a command for `trocar replay --pictures`; it moves no arm and needs no token.
@@ -234,13 +236,13 @@ class _Endpoints:
         name = (await _short(request)).decode("utf-8", "replace")
         if name not in (known := scenario_names()):
             return JSONResponse({"error": f"there is no scenario {name[:64]!r}; known: {', '.join(known)}"}, 400)
-        return await self._ask(request, "switch", line=name)
+        return await self._ask_supervisor(request, "switch", line=name)
 
     async def restart(self, request: Request) -> Response:
         """End the present run and start another with what its files say now, at this address; for an instructor."""
         if self._role(request) != "instructor":
             return JSONResponse({"error": "only an instructor, with the class's token, may start the rig anew"}, 403)
-        return self._no_switch() or await self._ask(request, "restart")
+        return self._no_switch() or await self._ask_supervisor(request, "restart")
 
     async def take_over(self, request: Request) -> Response:
         """End the present run, and run a recording of this rig again up to a tick, at which hands take over.
@@ -254,14 +256,16 @@ class _Endpoints:
             return JSONResponse({"error": "a recording, a tick and a scenario must be named"}, 400)
         if not (self._context.rig.recorder.directory / asked[1]).is_file():
             return JSONResponse({"error": f"the recording {asked[1]} is not at this rig"}, 409)
-        return await self._ask(request, "take_over", line=line)
+        return await self._ask_supervisor(request, "take_over", line=line)
 
     def _no_switch(self) -> Response | None:
         if self._context.switches:
             return None
         return JSONResponse({"error": "this rig cannot be switched: it was not started by `trocar up`"}, 409)
 
-    async def _ask(self, request: Request, what: What, order: bodies.Order | None = None, line: str = "") -> Response:
+    async def _ask_supervisor(
+        self, request: Request, what: What, order: bodies.Order | None = None, line: str = ""
+    ) -> Response:
         """Pass on a command, and wait for its outcome."""
         if (before := _before(request)) is None:
             text = f"the header {_BEFORE_HEADER} must say of which run of the rig, and up to when: /api/state has both"

@@ -112,7 +112,7 @@ class Person:
     def step(self) -> None:
         """Let a look of the arm pass, 4 ms."""
         self.tick += STEP
-        self.arm.follow(1_000_000 * self.tick, 1e-3 * STEP)
+        self.arm.move_target(1_000_000 * self.tick, 1e-3 * STEP)
         self.opening = self.grasp.opening(1_000_000 * self.tick)
 
     def moved_m(self, ticks: int, report: Callable[[int], None]) -> np.ndarray:

@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 
-from trocar.services.gateway.hdapi.handover import Box, put, take
+from trocar.services.gateway.hdapi.handover import Box, put_message, take_message
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address, reader
@@ -19,7 +19,7 @@ _at = reader(Box)
 def _put_many(address: Address[Box], message: FloatArray, many: int) -> None:
     for k in range(many):
         message[:] = k
-        put(_at(address), message)
+        put_message(_at(address), message)
 
 
 @kernel
@@ -27,7 +27,7 @@ def _take_many(address: Address[Box], message: FloatArray, last: int, counts: Fl
     """Count whole, torn, overtaken and older messages until the one of number `last` is seen."""
     newest = 0
     while newest < last:
-        number = take(_at(address), message)
+        number = take_message(_at(address), message)
         if number < 0:
             counts[2] += 1
             continue
@@ -48,7 +48,7 @@ def test_an_empty_box_says_so_and_then_holds_the_newest() -> None:
 
     @kernel
     def take_once(address: Address[Box], out: FloatArray) -> int:
-        return take(_at(address), out)
+        return take_message(_at(address), out)
 
     assert take_once(box.address, message) == 0
     _put_many(box.address, np.zeros(N), 3)

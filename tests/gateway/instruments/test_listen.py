@@ -52,9 +52,9 @@ def test_an_answer_is_taken_once_and_without_being_waited_for() -> None:
     bus: Any = Quiet()
     accepted: list[Any] = []
     answers: Any = SimpleNamespace(outstanding=True, accept=lambda frame, _now_ns: accepted.append(frame))
-    gateway.take(bus, answers)
+    gateway.take_model(bus, answers)
     answers.outstanding = False
-    gateway.take(bus, answers)
+    gateway.take_model(bus, answers)
     assert (bus.taken, accepted) == ([gateway.MODEL], ["frame"])
 
 
@@ -73,7 +73,7 @@ def test_a_model_that_is_waited_for_is_dated_when_it_comes_and_looked_into_later
     came_ns = gateway.notice(bus, answers, 0)
     assert bus.taken == []
     assert before <= came_ns <= time.monotonic_ns()
-    gateway.take(bus, answers, came_ns)
+    gateway.take_model(bus, answers, came_ns)
     assert came == [came_ns]
     answers.outstanding = False
     assert gateway.notice(bus, answers, 0) == 0

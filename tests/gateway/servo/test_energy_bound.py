@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.gateway.servo.test_servo_law import DT_S, Law
+from trocar.services.gateway.servo import energy_bound, servo_arrays
 from trocar.services.gateway.servo.energy_bound import ADVANCE_J, FORGIVEN_W, MAX_STORED_J
 from trocar.services.gateway.servo.servo_arrays import (
     MEMORY_AT_ANCHOR,
@@ -16,6 +17,7 @@ from trocar.services.gateway.servo.servo_arrays import (
     NOW_RESERVED,
 )
 from trocar.services.gateway.simulated.premium_model import COUNT_M, FRICTION_N
+from trocar.services.mechanics.arrays import FloatArray
 
 WALL_N_M = 500.0
 
@@ -175,3 +177,41 @@ def test_long_friction_is_not_saved_for_a_burst() -> None:
         law.motion[0] += 0.1e-3
         law.force()
     assert law.memory[MEMORY_ENERGY] == MAX_STORED_J
+
+
+def books(force_n: float, acting_n: float, energy_j: float) -> FloatArray:
+    """Books of an arm on one axis: the force to be written, the one that still acts, and the balance."""
+    memory = np.zeros(servo_arrays.MEMORY_SIZE)
+    memory[servo_arrays.MEMORY_FORCE], memory[servo_arrays.MEMORY_FLIGHTS] = force_n, acting_n
+    memory[servo_arrays.MEMORY_ENERGY] = energy_j
+    return memory
+
+
+@pytest.mark.parametrize(
+    ("force_n", "energy_j", "left_n", "reserved_j"),
+    [(0.1, 1e-3, 0.1, 1e-4), (1.0, 1.2e-4, 0.3, 1.2e-4)],
+    ids=["enough for both", "enough for the one that acts, and a part of the next"],
+)
+def test_a_force_that_still_acts_for_a_tick_is_paid_for_before_the_next(
+    force_n: float, energy_j: float, left_n: float, reserved_j: float
+) -> None:
+    """Friction bears 0.05 N of either; the hand goes 0.1 mm a tick along the force, and a force comes a tick late."""
+    limits, now, step = np.zeros(servo_arrays.OWN_SIZE), np.zeros(servo_arrays.NOW_SIZE), (1e-4, 0.0, 0.0)
+    limits[servo_arrays.OWN_FRICTION] = 0.05
+    now[servo_arrays.NOW_DT] = now[servo_arrays.NOW_LATE_S] = DT_S
+    memory = books(force_n, 1.0, energy_j)
+    memory[servo_arrays.MEMORY_WAY] = step[0]
+    energy_bound.bound_force(step, limits, now, memory)
+    assert memory[servo_arrays.MEMORY_FORCE] == pytest.approx(left_n)
+    assert memory[servo_arrays.MEMORY_RESERVED] == pytest.approx(reserved_j)
+
+
+@pytest.mark.parametrize(("returned", "paid_j"), [(0.0, 0.05e-4), (1.0, 0.0)])
+def test_friction_pays_no_debt_over_a_way_on_which_the_hand_was_given_energy(returned: float, paid_j: float) -> None:
+    """What friction took there is left out already of what the hand was given."""
+    limits, now = np.zeros(servo_arrays.OWN_SIZE), np.zeros(servo_arrays.NOW_SIZE)
+    limits[servo_arrays.OWN_FRICTION] = 0.05
+    memory = books(0.0, 0.0, -1e-3)
+    memory[servo_arrays.MEMORY_RETURNED] = returned
+    energy_bound.settle_energy((1e-4, 0.0, 0.0), limits, now, False, memory)
+    assert memory[servo_arrays.MEMORY_ENERGY] + 1e-3 == pytest.approx(paid_j, abs=1e-9)

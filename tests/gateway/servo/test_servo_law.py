@@ -294,3 +294,24 @@ def test_a_force_that_is_gone_upstream_fades_from_a_hand_that_rests() -> None:
         force = law.force()[0]
         assert last - force == pytest.approx(STEP_N)
         last = force
+
+
+def test_a_hand_that_was_let_go_in_a_contact_has_no_savings_when_its_force_comes_back() -> None:
+    law = Law()
+    law.load(stiffness_n_m=(500.0, 0, 0, 0, 500.0, 0, 0, 0, 500.0), in_contact=True)
+    for step in range(1, 201):
+        law.motion[0] = -4e-3 * step / 200
+        law.force()
+    assert law.memory[servo_arrays.MEMORY_ENERGY] > 1e-3
+    law.now[servo_arrays.NOW_GAIN] = 0.0
+    np.testing.assert_array_equal(law.settle(), 0.0)
+    assert law.memory[servo_arrays.MEMORY_ENERGY] <= 0.0
+
+
+def test_what_jaws_hold_when_their_torque_begins_counts_up_to_the_largest_torque() -> None:
+    """They may give back what the torque can have put into them: 0.3 N m, however far the model is from the handle."""
+    law = Law()
+    law.load(grasp_torque_nm=5.0, grasp_stiffness_nm_rad=2.0)
+    law.now[servo_arrays.NOW_GRASP_GAIN] = 0.5
+    law.torque()
+    assert law.memory[servo_arrays.MEMORY_TORQUE + servo_arrays.MEMORY_ENERGY] == pytest.approx(0.5 * 0.3**2 / 2.0)

@@ -7,8 +7,9 @@ from trocar.services.mechanics.effects.anisotropy import AnisotropySettings
 from trocar.services.mechanics.fem import ElementChoice, ShellModel, Support, clamp, pressure_load
 from trocar.services.mechanics.fem.frames import local_frames
 from trocar.services.mechanics.fem.section import plane_stress_matrices
-from trocar.services.mechanics.scene.tissue import TISSUES, Quantity, tissue
+from trocar.services.mechanics.scene.tissue import TISSUES, tissue
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from trocar.services.messages.sourced_value import assumed_value
 
 
 @pytest.mark.parametrize("name", TISSUES)
@@ -88,7 +89,7 @@ def test_unknown_names_and_values_out_of_range_are_refused():
     with pytest.raises(ValueError, match="unknown tissue 'liver'; known: reference_duct"):
         tissue("liver")
     with pytest.raises(ValueError, match=r"2\.0 is outside its own range"):
-        Quantity(2.0, 0.0, 1.0, "nobody")
+        assumed_value(2.0, 0.0, 1.0, "nobody")
 
 
 def test_clamped_orthotropic_duct_is_softer_along_than_round():

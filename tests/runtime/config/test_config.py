@@ -272,7 +272,7 @@ def test_a_whole_number_beyond_the_machine_s_is_told_with_its_place(tmp_path: Pa
 
 
 def test_a_file_without_an_end_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(config, "_LONGEST", 1000)
+    monkeypatch.setattr(config.yaml_text, "LONGEST_TEXT", 1000)
     with pytest.raises(ConfigError, match=r"/dev/zero: has more than 1000 characters, that is no configuration"):
         config.read_yaml(Path("/dev/zero"))
 

@@ -12,7 +12,7 @@ import pytest
 from tests.memory_bus import MemoryBus, MemoryHub
 from trocar.protocol import TOPICS, bodies
 from trocar.services.runtime.loop import loop
-from trocar.services.runtime.loop.loop import SHARE, DutyCycleLimiter, LoopMeter, TickClock, follow, ticks
+from trocar.services.runtime.loop.loop import SHARE, DutyCycleLimiter, LoopMeter, TickClock, follow_topic, ticks
 
 
 class Clock:
@@ -152,7 +152,7 @@ def test_a_follower_answers_each_frame_and_breathes_without_any() -> None:
     sender, reader = MemoryBus(hub, publishes=["gateway.state"]), MemoryBus(hub, reads=["gateway.state"])
     meter, stop = LoopMeter(1000.0), after(6)
     answered = []
-    for index, frame in enumerate(follow(reader, "gateway.state", meter, lambda: next(stop))):
+    for index, frame in enumerate(follow_topic(reader, "gateway.state", meter, lambda: next(stop))):
         answered.append(frame.body.tick if frame else None)
         if index % 2 == 0:
             sender.publish("gateway.state", bodies.GatewayState(tick=index))
@@ -166,7 +166,9 @@ def test_a_follower_breathes_while_what_comes_is_refused(clock: Clock) -> None:
     reader = MemoryBus(hub, reads=["gateway.state"])
     meter, stop = LoopMeter(1000.0), after(5)
     began_ns = clock.now
-    for _frame in follow(reader, "gateway.state", meter, lambda: hub.send("gateway.state", b"garbage") or next(stop)):
+    for _frame in follow_topic(
+        reader, "gateway.state", meter, lambda: hub.send("gateway.state", b"garbage") or next(stop)
+    ):
         assert _frame is None
     assert clock.now - began_ns >= 5_000_000
 

@@ -11,7 +11,7 @@ from tests.memory_bus import MemoryBus, MemoryHub
 from tests.runtime.loop.test_loop import Clock, after
 from trocar.protocol import bodies
 from trocar.services.runtime.loop import loop
-from trocar.services.runtime.loop.loop import LoopMeter, TickClock, follow, ticks
+from trocar.services.runtime.loop.loop import LoopMeter, TickClock, follow_topic, ticks
 
 
 class Processor(Clock):
@@ -111,7 +111,7 @@ def test_only_frames_that_were_sent_can_be_lost_by_work(processor: Processor, is
     clock = TickClock(meter)
     sender.publish("gateway.state", bodies.GatewayState(tick=0))
     processor.now = time.monotonic_ns()
-    for frame in follow(reader, "gateway.state", meter, lambda: next(stop)):
+    for frame in follow_topic(reader, "gateway.state", meter, lambda: next(stop)):
         assert frame is not None
         clock.steps(frame.body.tick)
         if frame.body.tick:

@@ -7,7 +7,8 @@ import random
 from tests.protocol import samples
 from trocar.protocol import Frame, bodies
 from trocar.protocol.bodies.haptics import tool_table
-from trocar.services.runtime.loop.tick_grid import EVERY_TICKS, MOMENTS, STATES, Moments, as_state
+from trocar.protocol.topics import MOMENT_TICKS
+from trocar.services.runtime.loop.tick_grid import MOMENTS, STATES, Moments, as_state
 
 
 def frames(tick: int) -> list[Frame]:
@@ -21,17 +22,17 @@ def frames(tick: int) -> list[Frame]:
 
 def test_a_moment_is_told_once_all_of_it_has_come() -> None:
     moments = Moments()
-    gateway, haptics, physics = frames(EVERY_TICKS)
+    gateway, haptics, physics = frames(MOMENT_TICKS)
     assert list(moments.take_frames([physics, gateway])) == []
     (found,) = moments.take_frames([haptics])
     assert tuple(found) == STATES
-    assert {frame.body.tick for frame in found.values()} == {EVERY_TICKS}
+    assert {frame.body.tick for frame in found.values()} == {MOMENT_TICKS}
     assert [frame.topic for frame in found.values()] == list(STATES)
 
 
 def test_every_moment_comes_whatever_the_order() -> None:
     chance, moments = random.Random(3), Moments()
-    ticks = [EVERY_TICKS * k for k in range(60)]
+    ticks = [MOMENT_TICKS * k for k in range(60)]
     mixed = [frame for tick in ticks for frame in frames(tick)]
     chance.shuffle(mixed)
     found = [moment for frame in mixed for moment in moments.take_frames([frame])]
@@ -41,9 +42,9 @@ def test_every_moment_comes_whatever_the_order() -> None:
 def test_what_never_comes_is_forgotten() -> None:
     moments = Moments()
     for k in range(1000):
-        assert list(moments.take_frames(frames(EVERY_TICKS * k)[:2])) == []
+        assert list(moments.take_frames(frames(MOMENT_TICKS * k)[:2])) == []
     assert len(moments._open) < 200
-    assert len(list(moments.take_frames(frames(EVERY_TICKS * 2000)))) == 1
+    assert len(list(moments.take_frames(frames(MOMENT_TICKS * 2000)))) == 1
 
 
 def test_other_topics_stay_as_they_are() -> None:

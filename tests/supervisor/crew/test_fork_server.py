@@ -18,7 +18,7 @@ import pytest
 from tests.patience import PATIENCE_S
 from tests.supervisor.fakes import HERE, Fakes, Scenario, gone, until, until_running
 from trocar.services.supervisor.control.supervisor import Supervisor
-from trocar.services.supervisor.crew import fork_link, silence
+from trocar.services.supervisor.crew import fork_link, restart_policy, silence
 from trocar.services.supervisor.crew.fork_link import ForkServer
 from trocar.services.supervisor.crew.launcher import Child
 from trocar.services.supervisor.crew.processes import ENVIRONMENT, ProcessSpec
@@ -164,7 +164,7 @@ def _turned(server: ForkServer, until: Callable[[], object]) -> list[str]:
     told: list[str] = []
 
     def turn() -> object:
-        told.extend(server.turn())
+        told.extend(server.tend_server())
         return until()
 
     _until(turn)
@@ -185,7 +185,7 @@ def test_a_server_that_is_lost_is_told_once_and_replaced(
     """It was noticed at the next fork only, which waited 5 s for it, and from then on there was none."""
     with closing(ForkServer()) as server:
         _until(lambda: not server.imports())
-        soon_again.setattr(silence, "_STOPPED_S", stopped_s)
+        soon_again.setattr(silence, "HEARTBEAT_S", stopped_s)
         soon_again.setattr(fork_link, "_SILENT_S", silent_s)
         first = server.pid
         os.kill(first, struck)
@@ -201,12 +201,12 @@ def test_a_server_that_is_lost_is_told_once_and_replaced(
 def soon_again(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Let a server be asked often, and started again soon."""
     monkeypatch.setattr(fork_link, "_ASK_EVERY_S", 0.05)
-    monkeypatch.setattr(fork_link, "_RETRY_S", 0.05)
+    monkeypatch.setattr(restart_policy, "HELPER_BACKOFF_S", (0.05,))
     return monkeypatch
 
 
 def test_a_server_that_is_lost_again_and_again_is_left_alone_for_a_minute(soon_again: pytest.MonkeyPatch) -> None:
-    soon_again.setattr(fork_link, "_RETRIES", 1)
+    soon_again.setattr(restart_policy, "HELPER_RETRIES", 1)
     soon_again.setattr(fork_link, "MINUTE_S", 2.0)
     with closing(ForkServer()) as server:
         os.kill(server.pid, signal.SIGKILL)
@@ -214,7 +214,7 @@ def test_a_server_that_is_lost_again_and_again_is_left_alone_for_a_minute(soon_a
         os.kill(server.pid, signal.SIGKILL)
         told += _turned(server, lambda: server.pid == 0)
         time.sleep(0.1)
-        assert server.turn() == []
+        assert server.tend_server() == []
         assert server.pid == 0
         assert [each.rpartition(": ")[2] for each in told] == [
             "a new one is started", "for a minute processes import for themselves",
@@ -229,7 +229,7 @@ def test_a_delay_of_our_own_is_no_silence_of_the_server(soon_again: pytest.Monke
         os.kill(server.pid, signal.SIGSTOP)
         assert _turned(server, lambda: server._silence.awaits) == []
         time.sleep(0.6)
-        assert server.turn() == [], "it may have been held up with us"
+        assert server.tend_server() == [], "it may have been held up with us"
         os.kill(server.pid, signal.SIGCONT)
         assert _turned(server, lambda: not server._silence.awaits) == []
 

@@ -25,7 +25,7 @@ from trocar.services.gateway.servo.engagement import EngagementState
 from trocar.services.runtime.bus.stop_line import StopLine, stop_gateway
 from trocar.services.runtime.config.rig import Transport
 from trocar.services.supervisor.judge.state_machine import RigState
-from trocar.services.supervisor.page.command_socket import CommandSocket, ask, control_path
+from trocar.services.supervisor.page.command_socket import CommandSocket, ask_rig, control_path
 from trocar.services.supervisor.page.web import PageContext, build_app
 
 
@@ -67,7 +67,7 @@ def turn_of(bench: Bench, control: CommandSocket, obeys: bool = True) -> Any:
         bench.run(0.01)
         if obeys:
             bench.peers["gateway"].gauges["safe_stop"] = float(bench.supervisor.body().safe_stop)
-        control.turn(bench.now_s)
+        control.run_turn(bench.now_s)
 
     return turn
 
@@ -94,7 +94,7 @@ def test_silent_callers_keep_no_command_out(bench: Bench, control: CommandSocket
         for _ in range(20):
             caller = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
             caller.connect(str(control_path(Transport(directory=folder))))
-            control.turn(bench.now_s)
+            control.run_turn(bench.now_s)
         assert trocar(folder, "arm", turn_of(bench, control)) == (0, "armed: hands may be pushed\n")
 
 
@@ -123,7 +123,7 @@ def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: Command
     transport = bench.supervisor.rig.transport
     orders.line = StopLine(transport)
     context = page()
-    context.ask = lambda command: ask(transport, command, patience_s=0.3)
+    context.ask = lambda command: ask_rig(transport, command, patience_s=0.3)
     with ThreadPoolExecutor(1) as pool:
         asked = pool.submit(
             _posted, context, "/api/safe_stop", {"X-Trocar-Before": f"{bench.supervisor.incarnation} 60"}
@@ -139,7 +139,7 @@ def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: Command
 def test_no_incarnation_on_the_page_means_the_present_run(bench: Bench, control: CommandSocket) -> None:
     """`0` did, and armed the rig."""
     context, transport = page(), bench.supervisor.rig.transport
-    context.ask = lambda command: ask(transport, command)
+    context.ask = lambda command: ask_rig(transport, command)
     turn = turn_of(bench, control)
     with ThreadPoolExecutor(1) as pool:
         asked = pool.submit(_posted, context, "/api/arm", {"X-Trocar-Before": "0 60"}, "error")
@@ -185,8 +185,8 @@ def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: CommandSocket,
             caller.send(b"\xff{" * 9)
         except OSError:
             with_room = False
-        control.turn(bench.now_s)
-        control.turn(bench.now_s)
+        control.run_turn(bench.now_s)
+        control.run_turn(bench.now_s)
         assert with_room
         caller.close()
     assert trocar(folder, "arm", turn_of(bench, control))[0] == 0

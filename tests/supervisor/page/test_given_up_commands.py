@@ -22,7 +22,7 @@ from trocar.services.runtime.errors import BusError
 from trocar.services.supervisor.control.commands import Command
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control_module
-from trocar.services.supervisor.page.command_socket import CommandSocket, ask
+from trocar.services.supervisor.page.command_socket import CommandSocket, ask_rig
 from trocar.services.supervisor.page.page_link import Link
 
 #: More than a supervisor needs between a command and the last moment for its answer.
@@ -45,7 +45,7 @@ def control(bench: Bench) -> Iterator[CommandSocket]:
 
 def _asked(bench: Bench, what: str) -> Callable[[], bodies.Answer]:
     command = Command(what=what, who="a test")  # type: ignore[arg-type]
-    return lambda: ask(bench.supervisor.rig.transport, command, patience_s=GIVES_UP_S)
+    return lambda: ask_rig(bench.supervisor.rig.transport, command, patience_s=GIVES_UP_S)
 
 
 @pytest.mark.parametrize("what", ["arm", "safe_stop"])
@@ -57,11 +57,11 @@ def test_who_was_stopped_between_the_clock_and_the_deed_does_nothing_late(
         stopped.setattr(Link, "receive_claimed", lambda _link, _kind: None)
         asked = pool.submit(_asked(bench, what))
         while not asked.done():
-            control.turn(bench.now_s)
+            control.run_turn(bench.now_s)
             time.sleep(1e-3)
         with pytest.raises(BusError, match="does not answer: nothing is done any more"):
             asked.result()
-    control.turn(bench.now_s)  # it had looked at the clock, was stopped, and goes on with what it saw
+    control.run_turn(bench.now_s)  # it had looked at the clock, was stopped, and goes on with what it saw
     assert (bench.supervisor.body().armed, bench.supervisor.body().safe_stop) == (0, False)
     assert "given up by its sender" in bench.supervisor.events[-1].text
 
@@ -72,7 +72,7 @@ def test_what_was_begun_is_said_to_be(bench: Bench, control: CommandSocket, monk
     with ThreadPoolExecutor(1) as pool:
         asked = pool.submit(_asked(bench, "arm"))
         while not asked.done():
-            control.turn(bench.now_s)  # no report of the gateway ever comes
+            control.run_turn(bench.now_s)  # no report of the gateway ever comes
             time.sleep(1e-3)
     assert asked.result() == bodies.Answer(
         order=0, ok=False, text="the supervisor has begun with it, and has not said what came of it"
