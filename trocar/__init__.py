@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from trocar.front import HandResults as HandResults
     from trocar.front import Hands as Hands
     from trocar.front import HoldRegistry as HoldRegistry
+    from trocar.front import IncisionScene as IncisionScene
     from trocar.front import IntroducerSeal as IntroducerSeal
     from trocar.front import JawSqueeze as JawSqueeze
     from trocar.front import Motion as Motion
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from trocar.front import ToolMotion as ToolMotion
     from trocar.front import ToolScene as ToolScene
     from trocar.front import TriangleMesh as TriangleMesh
+    from trocar.front import WallBar as WallBar
     from trocar.front import World as World
     from trocar.front import WorldEffect as WorldEffect
     from trocar.front import add_effect as add_effect
@@ -83,6 +85,7 @@ __all__ = [
     "HandResults",
     "Hands",
     "HoldRegistry",
+    "IncisionScene",
     "IntroducerSeal",
     "JawSqueeze",
     "Motion",
@@ -97,6 +100,7 @@ __all__ = [
     "ToolMotion",
     "ToolScene",
     "TriangleMesh",
+    "WallBar",
     "World",
     "WorldEffect",
     "add_effect",

@@ -34,10 +34,12 @@ from trocar.services.mechanics.scene.catheter_section import CatheterSection
 from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
 from trocar.services.mechanics.scene.guide_wire import GuideWireScene
+from trocar.services.mechanics.scene.incision import IncisionScene
 from trocar.services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
 from trocar.services.mechanics.scene.tools import GraspHold
 from trocar.services.mechanics.scene.tools import ToolInputs as Hands
 from trocar.services.mechanics.scene.tools import ToolResults as HandResults
+from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.world import World, WorldEffect
@@ -103,6 +105,7 @@ NAMED_ONLY = frozenset(
         "DuctBranch",
         "GuideWireScene",
         "HoldRegistry",
+        "IncisionScene",
         "IntroducerSeal",
         "JawSqueeze",
         "ReducedDuct",
@@ -112,6 +115,7 @@ NAMED_ONLY = frozenset(
         "ToolMotion",
         "ToolScene",
         "TriangleMesh",
+        "WallBar",
         "WorldEffect",
     }
 )
@@ -139,6 +143,7 @@ __all__ = [
     "HandResults",
     "Hands",
     "HoldRegistry",
+    "IncisionScene",
     "IntroducerSeal",
     "JawSqueeze",
     "Motion",
@@ -153,6 +158,7 @@ __all__ = [
     "ToolMotion",
     "ToolScene",
     "TriangleMesh",
+    "WallBar",
     "World",
     "WorldEffect",
     "add_effect",

@@ -95,7 +95,7 @@ def export(
 
 
 def settings(
-    rig: Rig = "default",
+    rig: Rig = "stub",
     scene: Scene = None,
     overrides: Overrides = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0: a free one.")] = 8070,

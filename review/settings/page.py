@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import secrets
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import uvicorn
@@ -26,7 +26,7 @@ from trocar.review.school.replays import folder_of
 from trocar.review.school.settings_routes import Settings, settings_routes
 from trocar.review.settings.files import ConfigurationFiles
 from trocar.review.settings.host import Host
-from trocar.services.runtime.config.config import load_rig
+from trocar.services.runtime.config.config import find, load_rig
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_files
 from trocar.services.runtime.web.web_host import KnownHost, listen
@@ -78,14 +78,19 @@ def _for_token(school: ASGIApp, token: str) -> ASGIApp:
 
 
 def serve(rig_name: str, scene: str, overrides: Sequence[str], port: int) -> None:
-    """Serve until Ctrl-C. Raises ConfigError if the page is not built, BusError if the port is taken."""
+    """Serve until Ctrl-C.
+
+    Raises ConfigError if the page is not built, or there is no such rig or scene, and BusError if the port is taken.
+    """
+    find("rig", rig_name)
+    find("scene", scene)
     rig = None
     with suppress(ConfigError):  # the page shows it, at the file
         rig = load_rig(rig_name, overrides)
     replays, token = folder_of(None), secrets.token_urlsafe(16)
     settings = Settings(ConfigurationFiles(), Host(rig, (rig_name, overrides), scene, replays, is_running=False))
     app = build_app(settings, Journal(replays.with_suffix(".journal")), token)
-    sock = listen(HOST, port, "--port N")
-    print(f"the settings: open http://{HOST}:{sock.getsockname()[1]}/#token={token}", flush=True)  # noqa: T201
-    config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
-    uvicorn.Server(config).run(sockets=[sock])
+    with closing(listen(HOST, port, "--port N")) as sock:
+        print(f"the settings: open http://{HOST}:{sock.getsockname()[1]}/#token={token}", flush=True)  # noqa: T201
+        config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
+        uvicorn.Server(config).run(sockets=[sock])

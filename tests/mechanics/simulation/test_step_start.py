@@ -15,6 +15,7 @@ from trocar.studies.stability.finely import contact_forces_n
 from trocar.studies.stability.situations import beside
 
 LEAVES, RETURNS = 300, 330
+GIVES_WAY = "all contacts at once, wall gives way"
 ROUNDING = 1e-10
 """In m and N: lists that were renewed in a try sum up in another order."""
 
@@ -46,12 +47,17 @@ def run(play, prepare):
     return np.array(shown)
 
 
-# The second kind until the catheter slips: from there on rounding decides how its solves end.
-@pytest.mark.parametrize(("kind", "ticks"), [("jammed", 500), ("all contacts at once, wall gives way", 79)])
-def test_a_try_that_is_taken_back_leaves_nothing_behind(kind, ticks):
+# The second kind until the catheter slips: from there on rounding decides how its solves end. With a clip that presses
+# the wall on the catheter rounding grows from the 24th tick.
+@pytest.mark.parametrize(
+    ("kind", "without", "ticks"),
+    [("jammed", "", 500), (GIVES_WAY, "clip", 79), (GIVES_WAY, "", 25)],
+)
+def test_a_try_that_is_taken_back_leaves_nothing_behind(kind, without, ticks):
     """Tools grasp, press, leave and come back; before, jaws, sleep, friction and loads were those of the last try."""
     play = KINDS[kind](np.random.default_rng(3))
-    play = replace(play, hands=play.hands.sampled(np.arange(ticks)))
+    effects = {name: settings for name, settings in play.scene.effects.items() if name != without}
+    play = replace(play, hands=play.hands.sampled(np.arange(ticks)), scene=replace(play.scene, effects=effects))
     plain, tried = run(play, lambda _: None), run(play, take_back_every_try)
     assert np.abs(plain[-1]).max() > 1e-3, "something presses"
     np.testing.assert_allclose(tried, plain, rtol=0.0, atol=ROUNDING)
@@ -73,7 +79,7 @@ class Ways:
 
 
 def test_a_catheter_that_snaps_goes_no_further_in_a_part_than_contacts_are_seen_ahead():
-    """It is slow when the step begins: nobody knows before how fast it gets."""
+    """It is slow when the step begins: nobody knows before how fast it gets. It is not torn, which would be undone."""
     play = KINDS["jammed"](np.random.default_rng(3))
     simulation, tools = Simulation(play.scene, reduced_duct(play.scene)), ToolInputs()
     tools.present[:] = False
@@ -82,7 +88,7 @@ def test_a_catheter_that_snaps_goes_no_further_in_a_part_than_contacts_are_seen_
     catheter, ways = simulation.catheter.state, Ways(simulation)
     catheter.velocity_m_s[:] = 0.05
     catheter.position_m[-8:, 2] += 1e-3 * np.linspace(0.0, 1.0, 8) ** 2
-    catheter.position_m[-1, 2] += 1.5e-3
+    catheter.position_m[-1, 2] += 1.2e-3
     simulation.step(tools)
     assert sum(dt_s for dt_s, _ in ways.parts) == pytest.approx(1e-3)
     assert len(ways.parts) > 1
