@@ -21,7 +21,7 @@ from trocar.review.classroom.desk import Act, Desk, live_picture
 from trocar.review.classroom.roll import ClassRig, load_roll
 from trocar.review.classroom.scores import Scores
 from trocar.review.classroom.watch import Watch
-from trocar.review.school.answering import ROLE, Handler
+from trocar.review.school.answering import Handler, as_instructor
 from trocar.review.school.app import build_app as build_school
 from trocar.review.school.bench import Bench
 from trocar.review.school.courses import course_names
@@ -203,7 +203,6 @@ def _as_instructor(classroom: Classroom) -> ASGIApp:
         if refusal is not None:
             await refusal(scope, receive, send)
             return
-        headers = [each for each in scope.get("headers", []) if each[0] != ROLE.encode()]
-        await school({**scope, "headers": [*headers, (ROLE.encode(), b"instructor")]}, receive, send)
+        await school(as_instructor(scope), receive, send)
 
     return pass_on

@@ -21,7 +21,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from trocar.review.journal import Journal
-from trocar.review.school.answering import ROLE
+from trocar.review.school.answering import as_instructor
 from trocar.review.school.replays import folder_of
 from trocar.review.school.settings_routes import Settings, settings_routes
 from trocar.review.settings.files import ConfigurationFiles
@@ -71,8 +71,7 @@ def _for_token(school: ASGIApp, token: str) -> ASGIApp:
             text = "the header X-Trocar-Token must carry the token that `trocar settings` printed"
             await JSONResponse({"error": text}, 403)(scope, receive, send)
             return
-        headers = [each for each in scope["headers"] if each[0] != ROLE.encode()]
-        await school({**scope, "headers": [*headers, (ROLE.encode(), b"instructor")]}, receive, send)
+        await school(as_instructor(scope), receive, send)
 
     return pass_on
 

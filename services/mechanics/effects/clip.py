@@ -27,8 +27,6 @@ REACH_RADII = 2.0
 """Of the duct: what touches it within so many radii from the clip's middle is under the clip."""
 _LEG_HIGH_M, _ENDS_M = 0.8e-3, 2e-3
 """Of a leg in the picture: its height, and how much longer it is than half the circumference; assumptions."""
-_ALONG = 0.9
-"""Cosine to the duct's axis beyond which a direction does not tell how the legs lie."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,13 +164,10 @@ def _section(mesh: TriangleMesh, settings: ClipSettings) -> CrossSection:
 def _legs(mesh: TriangleMesh, settings: ClipSettings) -> tuple[CrossSection, tuple[SurfacePoint, SurfacePoint]]:
     """Return the section at the clip, and the points of the wall under its legs."""
     section = _section(mesh, settings)
-    wanted = np.array(settings.closes_along) / np.linalg.norm(settings.closes_along)
-    if abs(wanted @ section.inward) > _ALONG:
-        raise ValueError(
-            f"effects.clip.closes_along: {list(settings.closes_along)} is along the duct there, not across"
-        )
-    across = wanted - (wanted @ section.inward) * section.inward
-    across /= np.linalg.norm(across)
+    try:
+        across = section.across(settings.closes_along)
+    except ValueError as error:
+        raise ValueError(f"effects.clip.closes_along: {error}") from None
     points = pierced_m(mesh, section.middle_m, -across), pierced_m(mesh, section.middle_m, across)
     if points[0] is None or points[1] is None:
         raise ValueError("effects.clip.at_m: the duct has no wall on both sides there, it is cut open")

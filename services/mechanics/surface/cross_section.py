@@ -12,6 +12,8 @@ from trocar.services.mechanics.surface.mesh import TriangleMesh, unique_edges, v
 
 _BAND_EDGES = 1.0
 """Half the width, in mean edges, of the bands of the surface whose middles are taken."""
+_ALONG = 0.9
+"""Cosine to the duct's axis beyond which a direction says nothing of what is across the duct."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,19 @@ class CrossSection:
     middle_m: FloatArray
     inward: FloatArray
     radius_m: float
+
+    def across(self, direction: tuple[float, float, float]) -> FloatArray:
+        """Return the unit vector (3,) across the duct that is nearest to a direction, which must not be zero.
+
+        Raises ValueError if the direction is nearly along the duct.
+        """
+        wanted = np.array(direction) / np.linalg.norm(direction)
+        along = wanted @ self.inward
+        if abs(along) > _ALONG:
+            raise ValueError(f"{list(direction)} is along the duct there, not across")
+        rest = wanted - along * self.inward
+        across: FloatArray = rest / np.linalg.norm(rest)
+        return across
 
 
 @dataclass(frozen=True, slots=True)

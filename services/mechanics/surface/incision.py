@@ -33,7 +33,6 @@ _RECEDES = 1.5
 """Of the width of the gap: how far from it the wall is still drawn aside; its vertices keep their order."""
 _REACH_RADII = 2.0
 """From the middle of the cut section: what is farther is another part of the duct."""
-_ALONG = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +135,10 @@ def _arc(mesh: TriangleMesh, cut: Incision) -> _Arc:
         section = section_behind_mouth(mesh, cut.at_m)
     except ValueError as error:
         raise ValueError(f"at_m: {error}") from None
-    wanted = np.array(cut.front) / np.linalg.norm(cut.front)
-    if abs(wanted @ section.inward) > _ALONG:
-        raise ValueError(f"front: {list(cut.front)} is along the duct there, not across")
-    front = wanted - (wanted @ section.inward) * section.inward
-    front /= np.linalg.norm(front)
+    try:
+        front = section.across(cut.front)
+    except ValueError as error:
+        raise ValueError(f"front: {error}") from None
     side, half_rad = np.cross(section.inward, front), math.pi * cut.depth
     ends = []
     for sign in (1.0, -1.0):
