@@ -28,6 +28,7 @@ from trocar.services.mechanics.simulation import Simulation
 from trocar.services.scenes.load import load_scene
 from trocar.services.scenes.ready import load_duct
 from trocar.studies.cystic_folds_page import write_page
+from trocar.studies.fold_stiffness import crest_stiffness_n_m
 
 PACE_M_S, BEFORE_M = 20e-3, 4e-3
 LIMIT_N = 0.2
@@ -44,6 +45,8 @@ SLACK_M = 10e-3
 PAST_M = 7e-3
 """The goal: so far behind the half that has folds, which begins 5 mm behind the mouth."""
 FINER = {"edges 0.7 times as long": (0.7, 1e-3), "steps of 0.5 ms": (1.0, 0.5e-3)}
+MESHES = (1.0, 0.7, 0.5)
+"""Edges, of those of the default mesh, on which folds are pushed statically."""
 _SCENE = {
     "duct": {"cystic": {}, "thickness_m": 1.0e-3, "youngs_modulus_pa": 500e3, "n_modes": 24, "traction_n": 0.0},
     "catheter": {
@@ -175,6 +178,14 @@ def finer_runs(seed: int, folder: Path) -> list[Run]:
     return runs
 
 
+def stiffness_of(seed: int, folder: Path) -> dict[str, list[list[float]]]:
+    """Return how stiff a seed's folds are along the duct and outwards, in N/m, by the mesh that they have."""
+    scene = scene_of(folder, drawn_duct(seed))
+    edge_m = usual_edge_m(scene)
+    meshed = {f"{share:g}": replace(scene, duct=replace(scene.duct, mesh_edge_m=share * edge_m)) for share in MESHES}
+    return {share: [each.tolist() for each in crest_stiffness_n_m(finer)] for share, finer in meshed.items()}
+
+
 def usual_edge_m(scene: SceneModel) -> float:
     """Return the edge of a scene's smooth wall where it names none."""
     from trocar.services.mechanics.scene.duct_tubes import duct_tubes
@@ -194,6 +205,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), help="first seed, and the one after the last")
     parser.add_argument("--finer", type=int, nargs="*", default=(), help="seeds that are also run finer")
+    parser.add_argument("--stiffness", type=int, nargs="*", default=(), help="seeds whose folds are pushed statically")
     parser.add_argument("--out", type=Path, default=Path("study"))
     parser.add_argument("--page", type=Path, help="write the page of all runs in --out")
     asked = parser.parse_args()
@@ -209,9 +221,12 @@ def main() -> None:
                 f"{run['depth_mm'][-1]:.1f} mm deep, {'passed' if run['passed'] else 'stopped'}, {run['tries']} tries",
                 flush=True,
             )
+    for seed in asked.stiffness:
+        (asked.out / f"stiffness-{seed}.json").write_text(json.dumps(stiffness_of(seed, asked.out)))
     if asked.page:
+        stiff = {int(kept.stem[10:]): json.loads(kept.read_text()) for kept in asked.out.glob("stiffness-*.json")}
         made = [Run(**run) for kept in sorted(asked.out.glob("*runs*-*.json")) for run in json.loads(kept.read_text())]
-        write_page(asked.page, made, drawn_duct, KINDS, LIMIT_N)
+        write_page(asked.page, made, drawn_duct, (KINDS, LIMIT_N), stiff)
 
 
 if __name__ == "__main__":
