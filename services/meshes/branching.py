@@ -56,7 +56,7 @@ def _plain(value: Any) -> Any:
 def branching_mesh(tubes: list[Tube], edge_m: float) -> TriangleMesh:
     """Return the surface, not from the cache; see `load_branching`."""
     ends = _open_ends(tubes)
-    surface = _cut(_contour(tubes, edge_m / _CELLS_PER_EDGE), ends)
+    surface = _cut(contour_union(tubes, edge_m / _CELLS_PER_EDGE), ends)
     mesh = remesh(_outward(surface), edge_m)
     if any(tube.has_details for tube in tubes):
         mesh = refine(mesh, _details_m(tubes, edge_m))
@@ -94,7 +94,7 @@ def _open_ends(tubes: list[Tube]) -> list[_End]:
     return ends
 
 
-def _contour(tubes: list[Tube], cell_m: float) -> Any:
+def contour_union(tubes: list[Tube], cell_m: float) -> Any:
     """Return the closed surface of the union."""
     import pyvista
 
