@@ -10,7 +10,7 @@ from trocar.services.mechanics.reduction.build import full_residual_bytes
 from trocar.services.mechanics.reduction.content_hash import hash_content
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 
-MIB = 2**20
+MIB = 2**20  # bytes, by IEC 80000-13
 SMALL_BYTES = 96 * MIB
 """A block between all pairs of up to so much (1,671 nodes) is read without turning it."""
 

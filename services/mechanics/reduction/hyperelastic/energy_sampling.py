@@ -29,6 +29,7 @@ from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.surface.mesh import vertex_normals
 
 SEED = 1
+"""Any one, so that each build of a wall draws the same."""
 PLACES = 40
 """Places on the wall that the loads of the training press and pull at, along three directions."""
 LARGEST_Q = (0.2, 1.0, 3.0)
