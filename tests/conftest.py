@@ -124,6 +124,13 @@ def same_environment() -> Iterator[None]:
     os.environ.update(before)
 
 
+@pytest.fixture
+def private_folder(tmp_path: Path) -> Path:
+    """Return a folder that is this user's alone, as those of rigs must be."""
+    tmp_path.chmod(0o700)
+    return tmp_path
+
+
 @pytest.fixture(autouse=True, scope="session")
 def own_cache() -> Iterator[Path]:
     """Rig options of the shell that started the tests do not reach them, nor the user's own bases.
