@@ -93,6 +93,20 @@ def _cut(data: bytes) -> bytes:
 MSH = gmsh22(TUBE, False)
 MSH41 = gmsh41(TUBE, True)
 ELEMENTS = "*ELEMENT, TYPE=S3\n1, 1, 2, 3\n"
+_LINES = MSH.split(b"\n")
+_FIRST_NODE = _LINES.index(b"$Nodes") + 2
+_FIRST_ELEMENT = _LINES.index(b"$Elements") + 2
+
+
+def _msh(line: int, change: Callable[[list[bytes]], list[bytes]]) -> Callable[[], bytes]:
+    """Return what makes a file of Gmsh 2.2 in which the words of a line are others."""
+    return lambda: b"\n".join([*_LINES[:line], b" ".join(change(_LINES[line].split())), *_LINES[line + 1 :]])
+
+
+def _more(by: int) -> Callable[[list[bytes]], list[bytes]]:
+    return lambda row: [b"%d" % (int(row[0]) + by)]
+
+
 BAD: dict[str, tuple[str, Callable[[], bytes] | str, str]] = {
     "msh cut off": ("a.msh", lambda: _cut(MSH), "the file is cut off, it does not end with a '\\$End'"),
     "binary msh cut off": ("a.msh", lambda: _cut(MSH41), "a.msh: "),
@@ -107,6 +121,40 @@ BAD: dict[str, tuple[str, Callable[[], bytes] | str, str]] = {
         "a.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n1\n1 0 0 0\n$EndNodes\n", "no triangle or quadrilateral"
     ),
     "msh with a NaN": ("a.msh", lambda: MSH.replace(b"\n2 ", b"\n2 nan ", 1), "a.msh: "),
+    "msh with too few nodes": ("a.msh", _msh(_FIRST_NODE - 1, _more(5)), "line 143: \\$Nodes ends before all"),
+    "msh with too many nodes": ("a.msh", _msh(_FIRST_NODE - 1, _more(-5)), "line 138: is more than \\$Nodes announces"),
+    "msh with too few elements": ("a.msh", _msh(_FIRST_ELEMENT - 1, _more(1)), "line 398: \\$Elements ends before"),
+    "msh with too many elements": ("a.msh", _msh(_FIRST_ELEMENT - 1, _more(-1)), "line 397: is more than \\$Elements"),
+    "msh with a node twice": (
+        "a.msh", _msh(_FIRST_NODE + 1, lambda row: [b"1", *row[1:]]),
+        "line 12: node 1 is there twice",
+    ),
+    "msh with a word": ("a.msh", _msh(_FIRST_NODE, lambda row: [*row[:3], b"x"]), "line 11: 'x' is no coordinate"),
+    "msh with a cut node": ("a.msh", _msh(_FIRST_NODE, lambda row: row[:3]), "line 11: a node has 2 coordinates"),
+    "msh with a cut element": (
+        "a.msh", _msh(_FIRST_ELEMENT, lambda row: row[:-1]),
+        "line 146: an element of type 2 has 2 nodes, not 3",
+    ),
+    "msh with a stranger": (
+        "a.msh", _msh(_FIRST_ELEMENT, lambda row: [*row[:-1], b"999"]),
+        "line 146: an element names node 999, which is not there",
+    ),
+    "msh of another type": (
+        "a.msh", _msh(_FIRST_ELEMENT, lambda row: [row[0], b"77", *row[2:]]),
+        "line 146: elements of type 77 are not known",
+    ),
+    "msh without an end of its nodes": (
+        "a.msh", lambda: MSH.replace(b"$EndNodes\n", b""),
+        "line 143: '\\$Elements' comes before the end of \\$Nodes",
+    ),
+    "msh 4.1 with too few nodes": (
+        "a.msh", lambda: gmsh41(TUBE, False).replace(b"$Nodes\n1 132", b"$Nodes\n1 133"),
+        "line 284: there are 132 nodes, 133 were announced",
+    ),
+    "msh 4.1 with a stranger": (
+        "a.msh", lambda: gmsh41(TUBE, False).replace(b"\n2 1 0 132\n1\n", b"\n2 1 0 132\n999\n"),
+        "an element names node 1, which is not there",
+    ),
     "vtu cut off": ("a.vtu", lambda: _cut(vtu(TUBE)), "the file is cut off"),
     "vtu of no cells": (
         "a.vtu",
