@@ -19,7 +19,7 @@ struct device {
 static struct device devices[DEVICES];
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static int failing, hang_ms, count = 1, logged;
-static double log_n[LOG][3];
+static double log_n[LOG][4]; /* of the arm, and of its gripper */
 static __thread const char *error = "no error";
 
 /* A device bears a force while it is there, has power, and its motors are on: the library's call and its own button. */
@@ -29,7 +29,7 @@ static bool bears(const struct device *d) {
 
 static void log_force(signed char id) {
   if (id != 0 || logged >= LOG) return;
-  for (int k = 0; k < 3; k++) log_n[logged][k] = bears(&devices[0]) ? devices[0].force[k] : 0.0;
+  for (int k = 0; k < 4; k++) log_n[logged][k] = bears(&devices[0]) ? devices[0].force[k < 3 ? k : FORCES - 1] : 0.0;
   logged++;
 }
 
@@ -133,7 +133,8 @@ int dhdSetForceAndTorqueAndGripperForce(double x, double y, double z, double a, 
   struct device *d = find(id);
   double force[FORCES] = {x, y, z, a, b, c, g};
   pthread_mutex_lock(&lock);
-  if (d != NULL) memcpy(d->force, force, sizeof force);
+  if (d == NULL && id >= 0 && id < DEVICES) memset(force, 0, sizeof force); /* one that is away forgets */
+  if (id >= 0 && id < DEVICES) memcpy(devices[(int)id].force, force, sizeof force);
   log_force(id);
   pthread_mutex_unlock(&lock);
   return d == NULL ? -1 : 0;
