@@ -29,7 +29,7 @@ from trocar.services.mechanics.fem.factorisation import factorise
 from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
-from trocar.services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.free_dofs import free_load
 from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce, energy_tensors
 from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
@@ -80,7 +80,7 @@ def fetch_membrane_force(
         entry.describe(content_hash=basis.content_hash, n_coordinates=n_coordinates)
         progress("nonlinear membrane", 1.0)
 
-    name = f"membrane-{hash_content(basis.content_hash, recipe.key(), n_coordinates, 'softened strain')}"
+    name = entry_name("membrane", __name__, basis.content_hash, recipe.key(), n_coordinates)
     entry = cache.fetch(cache_dir or cache_directory(), name, make)
     return CubicForce(entry.load("coordinates"), entry.load("quadratic"), entry.load("cubic"))
 
