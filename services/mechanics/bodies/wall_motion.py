@@ -24,6 +24,7 @@ from trocar.services.mechanics.reduction.large_rotations.warping import SectionF
 from trocar.services.mechanics.reduction.modal_compliance import add_modal_compliance
 from trocar.services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.residual.blocks import apply
 from trocar.services.mechanics.reduction.residual.rotated_residual import RotatedResidual
 
 
@@ -53,10 +54,6 @@ class PointCompliance:
 
     def turn_along(self, nodes: IntArray, vectors: FloatArray, q: FloatArray) -> None:
         """Turn vectors (k, 3) of nodes (k,), in place, as the wall turns from the last `update` to q: it does not."""
-
-    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Call `add_residual`; see there."""
-        self.add_residual(points, loads, out)
 
     def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Add displacements by ``loads`` beyond the modes to those of points (k, 3); subtract them from the motions."""
@@ -95,12 +92,12 @@ class StraightMotion(PointCompliance):
         Displacements by ``loads`` beyond the modes are added to the former and subtracted from the latter.
         """
         if not self._kept.gather_points(points, motion, loads, out):
-            self.add_residual(points, loads, (out[1], out[2]))
+            super().add_residual(points, loads, (out[1], out[2]))
 
-    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Do as `add_residual` for points of which some nodes are not cached yet."""
+    def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Do as `PointCompliance.add_residual`."""
         if not self._kept.displace(points, loads, out):
-            self.add_residual(points, loads, out)
+            super().add_residual(points, loads, out)
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
@@ -114,12 +111,17 @@ class StraightMotion(PointCompliance):
 
 
 class TurnedMotion(PointCompliance):
-    """x of `reduction.large_rotations.warping`; ``reduced`` has its residual compliance turned along."""
+    """x of `reduction.large_rotations.warping`; ``reduced`` has its residual compliance turned along.
+
+    That is constant along the wall's own axes, so that of touched nodes is kept.
+    """
 
     def __init__(self, reduced: ReducedDuct, warp: TubeWarp, n_points: int) -> None:
         self._frame, self._end_frame = SectionFrame(warp), SectionFrame(warp)
         turned = RotatedResidual.of(reduced.residual, self._frame, n_points)
         super().__init__(replace(reduced, residual=turned), n_points)
+        self._kept, self._load_n = NodeCompliance(reduced, n_points), np.zeros((6 * n_points, 3))
+        self._rotations = np.zeros((3 * n_points, 3, 3))
         self._corners_m = np.zeros((3 * n_points, 3))
         self._no_residual_m = np.zeros((3 * n_points, 3))
         self._residual_m = np.zeros((3 * n_points, 3))
@@ -150,16 +152,43 @@ class TurnedMotion(PointCompliance):
         Sections that turn carry the displacement by ``loads`` along, so it is part of the rows.
         """
         (nodes, weights), touched = points, self._corners
-        u = list_corners(nodes, weights, self._slot, touched.address)
-        corner, residual_m = touched.node[:u], touched.displacement_m[:u]
-        self.reduced.residual.apply(loads[0], loads[1], corner, residual_m)
-        self._frame.turn_back(corner, residual_m, self._residual_m[:u])
-        self._frame.node_rows(corner, self._residual_m[:u], self._corner_rows[:u])
+        u = self._displace_corners(points, loads)
+        self._frame.node_rows(touched.node[:u], self._residual_m[:u], self._corner_rows[:u])
         interpolate_corners(weights, touched.address, self._corner_rows, out[0])
         corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
         self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
         move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)
         apply_corner_displacements(weights, touched.address, u, (out[1], out[2]))
+
+    def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Do as `PointCompliance.add_residual`."""
+        u = self._displace_corners(points, loads)
+        apply_corner_displacements(points[1], self._corners.address, u, out)
+
+    def _displace_corners(self, points: Points, loads: Loads) -> int:
+        """List the corners of points, write what ``loads`` move them by beyond the modes; return how many there are.
+
+        It is written along world axes, and along those of the wall into ``_residual_m``.
+        """
+        touched, forces = self._corners, self._load_n[: len(loads[0])]
+        u = list_corners(*points, self._slot, touched.address)
+        corner, moved_m = touched.node[:u], self._residual_m[:u]
+        self._frame.turn_back(*loads, forces)
+        if not self._kept.displace_corners(points, (loads[0], forces), corner, moved_m):
+            moved_m[:] = 0.0
+            apply(self.reduced.residual.store.address, loads[0], forces, corner, moved_m)
+        self._frame.turn_vectors(corner, moved_m, touched.displacement_m[:u])
+        return int(u)
+
+    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
+        """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
+        source, rotations = self._source[: len(points[0])], self._rotations[: points[0].size]
+        find_sources(points, source)
+        self._frame.node_rotations(points[0].reshape(-1), rotations)
+        if not self._kept.gather_turned(points, rotations, out, source):
+            self.reduced.residual.gather_points(*points, out, source)
+        add_modal_compliance(rows, gain, self._scaled_modes, out, source)
+        copy_coincident(source, out)
 
     def position_function(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
         """Return a function for the positions (k, 3) in m of ``nodes`` (k,) without contact loads, as last updated."""

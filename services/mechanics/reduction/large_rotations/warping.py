@@ -81,7 +81,9 @@ def warped_tube(warp: TubeWarp | None, n_modes: int) -> WarpedTube:
         arm=warp.arm_m,
         local=warp.local,
     )
-    update_axis(tube.address, tube.q)
+    rest = tube.q.copy()
+    tube.q[:] = np.nan  # of no state yet
+    update_axis(tube.address, rest)
     return tube
 
 
@@ -108,8 +110,8 @@ class SectionFrame:
 
     def update(self, q: FloatArray) -> None:
         """Integrate the axis for modal coordinates q (r,)."""
-        update_axis(self._tube.address, q)
-        self._rates_are_stale = True
+        if update_axis(self._tube.address, q):
+            self._rates_are_stale = True
 
     def _refresh_rates(self) -> None:
         if self._rates_are_stale:
