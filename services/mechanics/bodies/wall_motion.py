@@ -11,13 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
-from trocar.services.mechanics.bodies.contact_corners import (
-    ContactCorners,
-    apply_corner_displacements,
-    interpolate_corners,
-    list_corners,
-)
-from trocar.services.mechanics.compiled import summing_kernel
+from trocar.services.mechanics.bodies.contact_corners import ContactCorners, apply_corner_displacements, list_corners
+from trocar.services.mechanics.bodies.turned_points import displace_turned, place_points, turn_along, weigh_turned
 from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.reduction.coincident_points import copy_coincident, find_sources
 from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
@@ -120,12 +115,10 @@ class TurnedMotion(PointCompliance):
         self._frame, self._end_frame = SectionFrame(warp), SectionFrame(warp)
         turned = RotatedResidual.of(reduced.residual, self._frame, n_points)
         super().__init__(replace(reduced, residual=turned), n_points)
-        self._kept, self._load_n = NodeCompliance(reduced, n_points), np.zeros((6 * n_points, 3))
-        self._rotations = np.zeros((3 * n_points, 3, 3))
-        self._corners_m = np.zeros((3 * n_points, 3))
-        self._no_residual_m = np.zeros((3 * n_points, 3))
-        self._residual_m = np.zeros((3 * n_points, 3))
+        self._kept, self._rotations = NodeCompliance(reduced, n_points), np.zeros((3 * n_points, 3, 3))
+        self._load_n, self._residual_m = np.zeros((6 * n_points, 3)), np.zeros((3 * n_points, 3))
         self._corner_rows = np.zeros((3 * n_points, 3, reduced.basis.n_modes))
+        self._places = self._frame.address, self._kept.address, self._corners.address
 
     def update(self, q: FloatArray) -> None:
         """Compute the sections' positions and rotations at q."""
@@ -142,23 +135,17 @@ class TurnedMotion(PointCompliance):
     def turn_along(self, nodes: IntArray, vectors: FloatArray, q: FloatArray) -> None:
         """Turn vectors (k, 3) of nodes (k,), in place, as their sections turn from the last `update` to q."""
         if len(nodes):
-            self._end_frame.update(q)
-            self._frame.turn_back(nodes, vectors, vectors)
-            self._end_frame.turn_vectors(nodes, vectors, vectors)
+            turn_along(self._frame.address, self._end_frame.address, q, nodes, vectors)
 
     def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
         """Write the same as `StraightMotion.gather`; ``motion`` is q of `update` and its change.
 
         Sections that turn carry the displacement by ``loads`` along, so it is part of the rows.
         """
-        (nodes, weights), touched = points, self._corners
         u = self._displace_corners(points, loads)
-        self._frame.node_rows(touched.node[:u], self._residual_m[:u], self._corner_rows[:u])
-        interpolate_corners(weights, touched.address, self._corner_rows, out[0])
-        corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
-        self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
-        move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)
-        apply_corner_displacements(weights, touched.address, u, (out[1], out[2]))
+        rows, beyond_m = self._corner_rows[:u], self._residual_m[:u]
+        self._frame.node_rows(self._corners.node[:u], beyond_m, rows)
+        place_points(self._places, points, rows, (self.reduced.mesh.vertices_m, beyond_m, motion[1]), out)
 
     def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Do as `PointCompliance.add_residual`."""
@@ -166,26 +153,24 @@ class TurnedMotion(PointCompliance):
         apply_corner_displacements(points[1], self._corners.address, u, out)
 
     def _displace_corners(self, points: Points, loads: Loads) -> int:
-        """List the corners of points, write what ``loads`` move them by beyond the modes; return how many there are.
-
-        It is written along world axes, and along those of the wall into ``_residual_m``.
-        """
-        touched, forces = self._corners, self._load_n[: len(loads[0])]
-        u = list_corners(*points, self._slot, touched.address)
+        """Do as `displace_turned`, whether the corners have places or not."""
+        scratch = self._load_n, self._residual_m
+        u = int(displace_turned(self._places, points, loads, self._slot, scratch))
+        if u >= 0:
+            return u
+        touched, u = self._corners, -1 - u
         corner, moved_m = touched.node[:u], self._residual_m[:u]
-        self._frame.turn_back(*loads, forces)
-        if not self._kept.displace_corners(points, (loads[0], forces), corner, moved_m):
+        along_wall = loads[0], self._load_n[: len(loads[0])]
+        if not self._kept.displace_corners(points, along_wall, corner, moved_m):
             moved_m[:] = 0.0
-            apply(self.reduced.residual.store.address, loads[0], forces, corner, moved_m)
+            apply(self.reduced.residual.store.address, *along_wall, corner, moved_m)
         self._frame.turn_vectors(corner, moved_m, touched.displacement_m[:u])
-        return int(u)
+        return u
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
         source, rotations = self._source[: len(points[0])], self._rotations[: points[0].size]
-        find_sources(points, source)
-        self._frame.node_rotations(points[0].reshape(-1), rotations)
-        if not self._kept.gather_turned(points, rotations, out, source):
+        if not weigh_turned(self._places, points, source, rotations, out):
             self.reduced.residual.gather_points(*points, out, source)
         add_modal_compliance(rows, gain, self._scaled_modes, out, source)
         copy_coincident(source, out)
@@ -204,18 +189,3 @@ class TurnedMotion(PointCompliance):
 def wall_motion(reduced: ReducedDuct, n_points: int) -> StraightMotion | TurnedMotion:
     """Return the motion model of a duct for up to ``n_points`` contact points."""
     return StraightMotion(reduced, n_points) if reduced.warp is None else TurnedMotion(reduced, reduced.warp, n_points)
-
-
-@summing_kernel
-def move_points(points: Points, rest: FloatArray, corners: FloatArray, dq: FloatArray, out: PointRows) -> None:
-    """Write displacements of points, (nodes (3 k,), weights (k, 3)), with corners (3 k, 3), and their motions by dq."""
-    (nodes, weights), (rows, displacement, motion) = points, out
-    for point in range(weights.shape[0]):
-        for axis in range(3):
-            total, change = 0.0, 0.0
-            for corner in range(3):
-                moved = corners[3 * point + corner, axis] - rest[nodes[3 * point + corner], axis]
-                total += weights[point, corner] * moved
-            for mode in range(dq.shape[0]):
-                change += rows[3 * point + axis, mode] * dq[mode]
-            displacement[point, axis], motion[point, axis] = total, change

@@ -119,13 +119,6 @@ class NodeCompliance:
             return False
         return bool(displace_corners(address, points, loads, corners, out))
 
-    def gather_turned(self, points: Points, rotations: FloatArray, out: FloatArray, source: IntArray) -> bool:
-        """Do as `RotatedResidual.gather_points`, given the rotations (3 k, 3, 3) of the corners, from what is kept.
-
-        False, and nothing written, where a node has no place.
-        """
-        return bool(weigh_turned_blocks(self._arrays.address, points, rotations, out, source))
-
 
 @kernel
 def displace_points(
@@ -291,7 +284,10 @@ def _weigh_rows(kept: NodeArrays, point: int, weights: FloatArray) -> None:
 def weigh_turned_blocks(
     address: Address[NodeArrays], points: Points, rotations: FloatArray, out: FloatArray, source: IntArray
 ) -> bool:
-    """Write B Q R Q^T B^T into the lower blocks of ``out`` and return True, or return False while R is not complete."""
+    """Write B Q R Q^T B^T into the lower blocks of ``out`` and return True, or return False where a node has no place.
+
+    ``rotations`` (3 k, 3, 3) are Q of the corners; blocks that ``source`` (k,) says are copies are left out.
+    """
     kept, (nodes, weights), place = arrays_at(address), points, arrays_at(address).touched.place
     for point in range(nodes.shape[0]):
         for corner in range(3):

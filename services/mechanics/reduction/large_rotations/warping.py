@@ -18,6 +18,7 @@ import numpy as np
 import scipy
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.large_rotations.sections import Sections, cut_sections
 from trocar.services.mechanics.reduction.large_rotations.warping_kernels import (
@@ -97,6 +98,11 @@ class SectionFrame:
     def __init__(self, warp: TubeWarp) -> None:
         self._tube = warped_tube(warp, warp.turn.shape[2])
         self._rates_are_stale = True
+
+    @property
+    def address(self) -> Address[WarpedTube]:
+        """The axis for kernels."""
+        return self._tube.address
 
     @property
     def centres_m(self) -> FloatArray:

@@ -413,8 +413,10 @@ def relax_wall(address: Address[WallStep], q_start: FloatArray, q: FloatArray, d
     _begin_slope(wall)
     _add_every_slope(wall, (1.0, 0.0))
     slope = wall.lagging
-    slope[:] = 0.0
-    _spread(wall.rows, wall.slope, 1.0, slope)
+    wall.image[:] = 0.0
+    _spread(wall.rows, wall.slope, 1.0, wall.image)
+    for mode in range(q.shape[0]):
+        slope[mode] = wall.image[mode]
     for term in range(wall.g.shape[0]):
         follow(wall.lag[term], slope, decay[term])
     acts = acting_share(wall)
@@ -452,22 +454,22 @@ def _newton_step(wall: WallStep) -> bool:
     if wrong <= RELATIVE * RELATIVE * size:
         return True
     enough = (0.5 * RELATIVE) ** 2 * size
-    decrement, last = _solve_tangent(wall, enough)
+    decrement, error = _solve_tangent(wall, enough)
     length = 1.0 if decrement <= TRUSTED * size else _line_search(wall, SLACK * decrement)
     for mode in range(pull.shape[0]):
         pull[mode] += length * wall.step[mode]
     for i in range(wall.at.shape[0]):
         wall.at[i] += length * wall.along[i]
-    return length == 1.0 and last + SLACK * SLACK * decrement <= enough
+    return length == 1.0 and error + SLACK * SLACK * decrement <= enough
 
 
 @kernel
 def _solve_tangent(wall: WallStep, enough: float) -> tuple[float, float]:
     """Write the step (1 + H) step = residual, by conjugate gradients, and what it moves the readings by.
 
-    Returns step (1 + H) step, and what the last iteration added to it: an estimate of the square of the error that is
-    left (Hestenes and Stiefel 1952). They end where that is at most ``enough``, or `SLACK` of the step, and along a way
-    on which the wall would snap (Steihaug 1983).
+    Returns step (1 + H) step, and the square of the error that is left, as what the last iteration added to it
+    estimates it (Hestenes and Stiefel 1952), or the residual, where that is smaller. They end where that is at most
+    ``enough``, or `SLACK` of the step, and along a way on which the wall would snap (Steihaug 1983).
     """
     residual, step, search, image = wall.residual, wall.step, wall.search, wall.image
     step[:] = 0.0
@@ -475,7 +477,7 @@ def _solve_tangent(wall: WallStep, enough: float) -> tuple[float, float]:
     for mode in range(step.shape[0]):
         search[mode] = residual[mode]
         left += residual[mode] * residual[mode]
-    decrement = last = 0.0
+    decrement, error = 0.0, left
     for _ in range(GRADIENT_STEPS):
         for mode in range(step.shape[0]):
             image[mode] = wall.root[mode] * search[mode]
@@ -497,13 +499,13 @@ def _solve_tangent(wall: WallStep, enough: float) -> tuple[float, float]:
             left += residual[mode] * residual[mode]
         for i in range(wall.along.shape[0]):
             wall.along[i] += length * wall.searched[i]
-        last = length * before
-        decrement += last
-        if last <= max(enough, SLACK * SLACK * decrement) or left == 0.0:
+        decrement += length * before
+        error = min(length * before, left)
+        if error <= max(enough, SLACK * SLACK * decrement):
             break
         for mode in range(step.shape[0]):
             search[mode] = residual[mode] + left / before * search[mode]
-    return decrement, last
+    return decrement, error
 
 
 @kernel
