@@ -35,7 +35,7 @@ _PATIENCE_NS = 4_000_000
 #: up to 60 Hz.
 _FAST_HZ = 100.0
 #: How long the rig may be silent at first: ten heartbeats, as one that only begins to run is silent for some seconds.
-_SILENT_S = 10 * HEARTBEAT_S
+SILENT_S = 10 * HEARTBEAT_S
 #: Messages that wait for a slow viewer; the oldest are dropped for it, and for nobody else.
 _BACKLOG = 256
 
@@ -51,7 +51,7 @@ class Observed:
 
     def look_for_rig(self) -> None:
         """Raise BusError if no rig is heard for some seconds."""
-        until_s = time.monotonic() + _SILENT_S
+        until_s = time.monotonic() + SILENT_S
         while not any(self.frames()):
             if time.monotonic() > until_s:
                 raise BusError("nothing was heard: is a rig running on this transport?")

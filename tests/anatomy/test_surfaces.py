@@ -22,9 +22,9 @@ RAS = np.array([-1.0, -1.0, 1.0])
 
 def surface_of(known: Scan) -> TriangleMesh:
     """Return the closed surface of tubes by their distance."""
-    from trocar.services.meshes.branching import _contour
+    from trocar.services.meshes.branching import contour_union
 
-    surface = _contour(known.tubes, 0.5e-3).triangulate()
+    surface = contour_union(known.tubes, 0.5e-3).triangulate()
     return TriangleMesh(np.asarray(surface.points, np.float64), np.asarray(surface.regular_faces, np.int32))
 
 

@@ -114,7 +114,7 @@ def test_a_viewer_gets_new_frames_at_its_own_rate_and_can_send_nothing(rig_file:
 
 
 def test_without_a_rig_it_says_so(trocar: Trocar, rig_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trocar.services.cli.foxglove._SILENT_S", 0.1)
+    monkeypatch.setattr("trocar.services.cli.foxglove.SILENT_S", 0.1)
     ran = trocar("foxglove", "--rig", rig_file)
     assert (ran.code, ran.sentence()) == (3, "nothing was heard: is a rig running on this transport?")
 

@@ -16,9 +16,6 @@ from typing import Any
 import msgspec
 import pytest
 
-from tests.review.test_assess import terms, told
-from tests.training.streams import changed, messages
-from trocar.review.attempts.assess import assess
 from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.statements import BATCH, Endpoint, statement
 from trocar.review.attempts.store.attempts import Store
@@ -26,13 +23,6 @@ from trocar.review.commands.attempts import run_xapi
 from trocar.services.runtime.errors import ConfigError, UserError
 
 HOME = "https://hospital.example"
-
-
-@pytest.fixture(scope="module")
-def attempt() -> Assessment:
-    deep = changed({"inserted": [(0.5, 0.0), (1.5, 15e-3)], "hold": [(0.1, 0.0), (0.101, 1.0)]})
-    (found,) = assess(told(messages(deep, 2.0), 2.0), terms(), "a.mcap")
-    return found
 
 
 @pytest.fixture

@@ -96,7 +96,7 @@ class Batch(VectorEnv[Any, Any, Any]):
 
         Every answer is awaited, so that none is taken for that of a later call; then the first error is raised.
         """
-        answers = [each.ask(method, *given) for each, given in zip(self._groups, arguments, strict=True)]
+        answers = [each.begin_call(method, *given) for each, given in zip(self._groups, arguments, strict=True)]
         found, errors = [], []
         for answer in answers:
             try:
@@ -186,7 +186,7 @@ class Batch(VectorEnv[Any, Any, Any]):
     def close_extras(self, **_kwargs: Any) -> None:
         """Close all scenes, and end what was started for them."""
         while self._groups:
-            self._groups.pop().end()
+            self._groups.pop().end_scenes()
         if self._client is not None:
             self._client.close()
 

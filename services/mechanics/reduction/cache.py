@@ -4,10 +4,14 @@ An entry is a folder of ``.npy`` arrays, a ``manifest.json`` and ``hashes`` of b
 renamed into it, so a reader sees all of it or nothing; a lock file keeps processes that start together from making
 the same entry twice. Nothing is pickled. What is not as it was written when it is fetched is made anew, and so is what
 others can change: the hashes lie beside the data, so whoever changes one can change the other.
+
+Other code makes entries of other names (`content_hash.entry_name`). Those of a kind that no run has used for long are
+removed when one of that kind is made.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import fcntl
 import hashlib
@@ -16,13 +20,12 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_type_hints
 
 import numpy as np
 
-from trocar.services.files.cache_directory import cache_directory, discard, fault_in, make_folders
+from trocar.services.files.cache_directory import cache_directory, discard, fault_in, forget_unused, make_folders
 
 T = TypeVar("T")
 
@@ -100,6 +103,9 @@ def fetch(cache_dir: Path, name: str, make: Callable[[Entry], None]) -> Entry:
             if fault := _fault(folder):
                 discard(folder, fault)  # a process that has mapped it keeps what it has
                 _make_atomically(folder, make)
+                forget_unused(cache_dir.glob(f"{name.partition('-')[0]}-*"))
+    with contextlib.suppress(OSError):  # a cache that is only read
+        os.utime(folder)
     return Entry(folder)
 
 
@@ -167,7 +173,7 @@ def _hashes(folder: Path) -> str:
     return "".join(lines)
 
 
-@contextmanager
+@contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
     with path.open("w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

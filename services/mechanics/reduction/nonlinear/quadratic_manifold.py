@@ -28,7 +28,7 @@ from trocar.services.mechanics.fem.factorisation import factorise
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
 from trocar.services.mechanics.reduction.cache import fetch_record
-from trocar.services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.free_dofs import free_load
 from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
 from trocar.services.mechanics.reduction.nonlinear.membrane_polynomial import MembranePolynomial, energy_tensors
@@ -76,7 +76,7 @@ def fetch_membrane_force(
         progress("nonlinear membrane", 1.0)
         return force
 
-    name = f"membrane-{hash_content(basis.content_hash, recipe.key(), n_coordinates, 'symmetric tensors')}"
+    name = entry_name("membrane", __name__, basis.content_hash, recipe.key(), n_coordinates)
     return fetch_record(cache_dir, name, MembranePolynomial, make, content_hash=basis.content_hash)
 
 

@@ -16,7 +16,7 @@ from trocar.services.mechanics.fem.nonlinear import CorotationalShell
 from trocar.services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
 from trocar.services.mechanics.reduction.cache import fetch_record
-from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -37,13 +37,6 @@ from trocar.services.mechanics.reduction.softening.softening_law import (
 from trocar.services.mechanics.reduction.softening.training_mesh import has_few_nodes, training_recipe
 from trocar.services.mechanics.reduction.softening.training_squeezes import SqueezedState, draw_squeezes, follow
 
-_HERE = Path(__file__).parent
-SOURCES = (
-    _HERE,
-    _HERE.parent / "free_dofs.py",
-    *(_HERE.parents[1] / "surface" / f"{name}.py" for name in ("coarsening", "mesh")),
-)
-"""What the numbers follow from beside the elements, which the recipe's key holds."""
 BESIDE_WIDTHS = 0.5
 """Of the lumen: nodes so near a support are squeezed more often than others."""
 LOCAL_WORK_SHARE = 1e-3
@@ -81,7 +74,7 @@ def fetch_softening(
     def make() -> WallSoftening:
         return train_softening(recipe, own_compliance_m_n(duct), n_squeezes, progress)
 
-    name = f"softening-{hash_content(recipe.key(), n_squeezes, hash_sources(*SOURCES))}"
+    name = entry_name("softening", __name__, duct.basis.content_hash, recipe.key(), n_squeezes)
     return fetch_record(cache_dir, name, WallSoftening, make, recipe=recipe.key(), n_squeezes=n_squeezes)
 
 
