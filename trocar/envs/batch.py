@@ -95,7 +95,10 @@ class Batch(VectorEnv[Any, Any, Any]):
         """Call a method of all groups at once; return what each returns, in their order.
 
         Every answer is awaited, so that none is taken for that of a later call; then the first error is raised.
+        Raises ConfigError if the batch is closed.
         """
+        if not self._groups:
+            raise ConfigError(f"{method}: the batch is closed")
         answers = [each.begin_call(method, *given) for each, given in zip(self._groups, arguments, strict=True)]
         found, errors = [], []
         for answer in answers:
