@@ -12,6 +12,7 @@ removed when one of that kind is made.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import fcntl
 import hashlib
 import json
@@ -20,11 +21,13 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar, get_type_hints
 
 import numpy as np
 
-from trocar.services.files.cache_directory import discard, fault_in, forget_unused, make_folders
+from trocar.services.files.cache_directory import cache_directory, discard, fault_in, forget_unused, make_folders
+
+T = TypeVar("T")
 
 MANIFEST = "manifest.json"
 _HASHES = "hashes"
@@ -104,6 +107,40 @@ def fetch(cache_dir: Path, name: str, make: Callable[[Entry], None]) -> Entry:
     with contextlib.suppress(OSError):  # a cache that is only read
         os.utime(folder)
     return Entry(folder)
+
+
+def fetch_record(cache_dir: Path | None, name: str, kind: type[T], make: Callable[[], T], **facts: Any) -> T:
+    """Return a record that ``make`` makes where the cache has none: a dataclass of arrays, integers, and such records.
+
+    ``facts`` are for the manifest.
+    """
+
+    def fill(entry: Entry) -> None:
+        _save_record(entry, "", make())
+        entry.describe(**facts)
+
+    record: T = _load_record(fetch(cache_dir or cache_directory(), name, fill), "", kind)
+    return record
+
+
+def _save_record(entry: Entry, prefix: str, record: Any) -> None:
+    for field in dataclasses.fields(record):
+        value = getattr(record, field.name)
+        if dataclasses.is_dataclass(value):
+            _save_record(entry, f"{prefix}{field.name}.", value)
+        else:
+            entry.save(prefix + field.name, np.asarray(value))
+
+
+def _load_record(entry: Entry, prefix: str, kind: Any) -> Any:
+    values: dict[str, Any] = {}
+    for name, each in get_type_hints(kind).items():
+        if dataclasses.is_dataclass(each):
+            values[name] = _load_record(entry, f"{prefix}{name}.", each)
+        else:
+            array = entry.load(prefix + name)
+            values[name] = int(array) if each is int else array
+    return kind(**values)
 
 
 def _make_atomically(folder: Path, make: Callable[[Entry], None]) -> None:

@@ -12,14 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel, pressure_load
 from trocar.services.mechanics.fem.frames import local_frames
 from trocar.services.mechanics.fem.section import axis_in_plane, strain_rotation
-from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
+from trocar.services.mechanics.reduction.cache import fetch_record
 from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
 from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import axial_directions, stretch_loads
@@ -68,17 +67,14 @@ def fetch_samples(
 ) -> StretchSamples:
     """Return the samples of a recipe's wall, from the cache where they are there."""
 
-    def make(entry: cache.Entry) -> None:
+    def make() -> StretchSamples:
         progress("stretch of the wall", 0.0)
         samples = choose_samples(recipe.model(), basis, law)
-        entry.save("strain", samples.strain)
-        entry.save("energy_j", samples.energy_j)
-        entry.describe(content_hash=basis.content_hash, law=law.number, parameters=law.parameters.tolist())
         progress("stretch of the wall", 1.0)
+        return samples
 
     name = entry_name("stretch", __name__, basis.content_hash, recipe.key(), law.number, law.parameters)
-    entry = cache.fetch(cache_dir or cache_directory(), name, make)
-    return StretchSamples(entry.load("strain"), entry.load("energy_j"), law)
+    return fetch_record(cache_dir, name, StretchSamples, make, content_hash=basis.content_hash)
 
 
 def choose_samples(model: ShellModel, basis: ModalBasis, law: BeyondLinear) -> StretchSamples:
