@@ -4,12 +4,14 @@
     python benchmarks/bench_rig.py --beside alone observers
     python benchmarks/bench_rig.py --beside alone stress --name rig-stress
     python benchmarks/bench_rig.py --beside alone door --name rig-door
+    python benchmarks/bench_rig.py --beside alone xapi --name rig-xapi
 
 Runs ``trocar up --seconds N --json FILE`` several times and tabulates medians over the runs; the table is written anew
 after each round. ``--beside`` names what runs beside it, interleaved: ``observers`` are four readers of every frame of
 every topic and a fifth that never takes what it has subscribed to, ``stress`` is stress-ng (a Debian package) with two
 processes that compute and two that fill memory, on whatever core they get, ``door`` is `trocar foxglove` with a viewer
-that reads all channels and one that never reads. Where ``alone`` is among them, the table
+that reads all channels and one that never reads, ``xapi`` sends attempts again and again to a record store that is not
+there, one that never answers and one that is always busy. Where ``alone`` is among them, the table
 ends with what the others change: the median of the differences, each of two runs one after the other, beside how far
 the runs alone lie apart. A bare sleeper on each core, above every process of the rig, watches in every run what the
 machine takes (`machine_floor`), when nobody of the rig works: nobody's ticks can be better.
@@ -35,7 +37,7 @@ from rig_threads import watch
 from watched_rig import STRESS
 
 ROOT = Path(__file__).resolve().parents[1]
-LOADS = ("alone", "observers", "stress", "door")
+LOADS = ("alone", "observers", "stress", "door", "xapi")
 _OBSERVERS = ("reads",) * 4 + ("stops",)
 #: Misses that are asked of a loop: so many times the floor, or this share where that is more; under stress, this share.
 _TIMES_FLOOR, _LEAST_PERCENT, _STRESS_PERCENT = 2.0, 0.02, 0.2
@@ -52,6 +54,7 @@ def _beside(load: str, directory: Path) -> Iterator[None]:
         ],
         "stress": [STRESS],
         "door": [[sys.executable, str(ROOT / "benchmarks/door_viewers.py"), str(directory)]],
+        "xapi": [[sys.executable, str(ROOT / "benchmarks/xapi_senders.py")]],
     }[load]
     started = [subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) for command in commands]
     try:

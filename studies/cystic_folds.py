@@ -2,8 +2,9 @@
 
 A drive pushes a 5 Fr catheter with a bent tip from an introducer without friction into the duct of each seed: what the
 drive feels is then the tissue's alone. A hand that only pushes gives up where it feels more than its limit; one that
-also turns draws back there, turns the catheter and tries again; and in a third run the neck is pulled meanwhile. Each
-seed's runs are kept in ``--out``, so that a study may be continued; the page is written of all that are there.
+also turns draws back there, turns the catheter and tries again; and in a third run the neck is pulled meanwhile. A
+straight tip is turned, too, to see what the bend is worth. Each seed's runs are kept in ``--out``, so that a study may
+be continued; the page is written of all that are there.
 """
 
 from __future__ import annotations
@@ -20,19 +21,23 @@ import yaml
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.build import ignore_progress
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
-from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene import CatheterSection, SceneModel
 from trocar.services.mechanics.scene.cystic_duct import SPIRAL, CysticDuctScene, drawn_cystic_duct
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.scenes.load import load_scene
 from trocar.services.scenes.ready import load_duct
 from trocar.studies.cystic_folds_page import write_page
+from trocar.studies.fold_stiffness import crest_stiffness_n_m
 
 PACE_M_S, BEFORE_M = 20e-3, 4e-3
 LIMIT_N = 0.2
 """Assumption: at which a hand stops pushing, ten times what the default scene's seal takes. No figure was found."""
 BACK_M, TURN_RAD, TURN_RAD_S, MOST_TRIES = 3e-3, 2.4, 3.0, 8
-"""How a hand tries again: it draws back, and turns by the golden angle, so that tries cover the circle evenly."""
+"""How a hand tries again: it draws back, and turns by the golden angle, so that tries cover the circle evenly. So often
+at one fold; at the next it begins anew."""
+SAME_FOLD_M = 1e-3
+"""A hand that has come further by less is at the fold where it was: they are 2 mm apart at least."""
 TRACTION_N = 0.29
 """What stretches a bile duct by a quarter: 5 kPa on the closed end of one 8.6 mm wide (Duch 2004, ten of pigs)."""
 SLACK_M = 10e-3
@@ -40,18 +45,23 @@ SLACK_M = 10e-3
 PAST_M = 7e-3
 """The goal: so far behind the half that has folds, which begins 5 mm behind the mouth."""
 FINER = {"edges 0.7 times as long": (0.7, 1e-3), "steps of 0.5 ms": (1.0, 0.5e-3)}
+MESHES = (1.0, 0.7, 0.5)
+"""Edges, of those of the default mesh, on which folds are pushed statically."""
 _SCENE = {
     "duct": {"cystic": {}, "thickness_m": 1.0e-3, "youngs_modulus_pa": 500e3, "n_modes": 24, "traction_n": 0.0},
     "catheter": {
         "product": "cholangiography_5fr", "length_m": 0.1, "n_segments": 50, "before_mouth_m": BEFORE_M,
         "introducer_to_tip_m": 6e-3, "introducer_length_m": 0.09,
-        "sections": [{"length_m": 15e-3, "rest_curvature_1_m": [25.0, 0.0, 0.0]}],
     },
     "forceps": [{"kind": "drive"}],
     "effects": {"friction": {"mu_static": 0.1, "mu_kinetic": 0.1}, "twist": {}},
     "hands": "none",
 }  # fmt: skip
-KINDS = {"smooth": "push, no folds", "push": "push", "turn": "push and turn", "pull": "push, turn and pull the neck"}
+BENT_TIP = CatheterSection(length_m=15e-3, rest_curvature_1_m=(25.0, 0.0, 0.0))
+KINDS = {
+    "smooth": "push, no folds", "push": "push", "straight": "push and turn, straight tip", "turn": "push and turn",
+    "pull": "push, turn and pull the neck",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -80,6 +90,7 @@ class Hand:
     def __init__(self, may_turn: bool) -> None:
         self.way_m = self.roll_rad = 0.0
         self.tries, self._may_turn, self._to_m, self._to_rad = 0, may_turn, 0.0, 0.0
+        self._furthest_m, self._tries_here = -SAME_FOLD_M, 0
         self.gives_up = False
 
     def move(self, felt_n: float, dt_s: float) -> None:
@@ -92,19 +103,28 @@ class Hand:
         elif felt_n <= LIMIT_N:
             self.way_m += step_m
             self._to_m = self.way_m
-        elif self._may_turn and self.tries < MOST_TRIES:
-            self.tries += 1
+        elif self._may_turn and self._tries_again():
             self._to_m, self._to_rad = self.way_m - BACK_M, self.roll_rad + TURN_RAD
         else:
             self.gives_up = True
 
+    def _tries_again(self) -> bool:
+        """Count a try, and return whether it is not one too many at this fold."""
+        if self.way_m > self._furthest_m + SAME_FOLD_M:
+            self._tries_here = 0
+        self._furthest_m = max(self._furthest_m, self.way_m)
+        self._tries_here += 1
+        self.tries += self._tries_here <= MOST_TRIES
+        return self._tries_here <= MOST_TRIES
 
-def scene_of(folder: Path, cystic: CysticDuctScene) -> SceneModel:
-    """Return the study's scene with a duct."""
+
+def scene_of(folder: Path, cystic: CysticDuctScene, tip: tuple[CatheterSection, ...] = (BENT_TIP,)) -> SceneModel:
+    """Return the study's scene with a duct and a tip."""
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(_SCENE))
     scene = load_scene(path)
-    return replace(scene, duct=replace(scene.duct, cystic=cystic))
+    catheter = replace(scene.catheter, sections=tip)
+    return replace(scene, duct=replace(scene.duct, cystic=cystic), catheter=catheter)
 
 
 def insert(scene: SceneModel, duct: ReducedDuct, hand: Hand, goal_m: float, dt_s: float) -> dict[str, Any]:
@@ -138,11 +158,11 @@ def runs_of(seed: int, folder: Path) -> list[Run]:
     drawn, runs = drawn_duct(seed), []
     for kind in KINDS:
         cystic = replace(drawn, folds=0) if kind == "smooth" else drawn
-        scene = scene_of(folder, cystic)
+        scene = scene_of(folder, cystic, () if kind == "straight" else (BENT_TIP,))
         if kind == "pull":
             scene = replace(scene, duct=replace(scene.duct, traction_n=TRACTION_N))
         duct = load_duct(scene, cache_directory(), ignore_progress)
-        made = insert(scene, duct, Hand(kind in ("turn", "pull")), goal_m(drawn), 1e-3)
+        made = insert(scene, duct, Hand(kind in ("straight", "turn", "pull")), goal_m(drawn), 1e-3)
         runs.append(Run(seed, kind, "", **made))
     return runs
 
@@ -156,6 +176,14 @@ def finer_runs(seed: int, folder: Path) -> list[Run]:
         duct = load_duct(finer, cache_directory(), ignore_progress)
         runs.append(Run(seed, "push", how, **insert(finer, duct, Hand(may_turn=False), goal_m(drawn), dt_s)))
     return runs
+
+
+def stiffness_of(seed: int, folder: Path) -> dict[str, list[list[float]]]:
+    """Return how stiff a seed's folds are along the duct and outwards, in N/m, by the mesh that they have."""
+    scene = scene_of(folder, drawn_duct(seed))
+    edge_m = usual_edge_m(scene)
+    meshed = {f"{share:g}": replace(scene, duct=replace(scene.duct, mesh_edge_m=share * edge_m)) for share in MESHES}
+    return {share: [each.tolist() for each in crest_stiffness_n_m(finer)] for share, finer in meshed.items()}
 
 
 def usual_edge_m(scene: SceneModel) -> float:
@@ -177,6 +205,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), help="first seed, and the one after the last")
     parser.add_argument("--finer", type=int, nargs="*", default=(), help="seeds that are also run finer")
+    parser.add_argument("--stiffness", type=int, nargs="*", default=(), help="seeds whose folds are pushed statically")
     parser.add_argument("--out", type=Path, default=Path("study"))
     parser.add_argument("--page", type=Path, help="write the page of all runs in --out")
     asked = parser.parse_args()
@@ -192,9 +221,12 @@ def main() -> None:
                 f"{run['depth_mm'][-1]:.1f} mm deep, {'passed' if run['passed'] else 'stopped'}, {run['tries']} tries",
                 flush=True,
             )
+    for seed in asked.stiffness:
+        (asked.out / f"stiffness-{seed}.json").write_text(json.dumps(stiffness_of(seed, asked.out)))
     if asked.page:
+        stiff = {int(kept.stem[10:]): json.loads(kept.read_text()) for kept in asked.out.glob("stiffness-*.json")}
         made = [Run(**run) for kept in sorted(asked.out.glob("*runs*-*.json")) for run in json.loads(kept.read_text())]
-        write_page(asked.page, made, drawn_duct, KINDS, LIMIT_N)
+        write_page(asked.page, made, drawn_duct, (KINDS, LIMIT_N), stiff)
 
 
 if __name__ == "__main__":

@@ -23,10 +23,10 @@ _WHAT = """\
 A drive pushes a 5 Fr catheter, its last 15 mm bent by 21°, into [drawn cystic ducts](../reference/cystic-duct.md) at
 20 mm/s, from an introducer without friction or seal: what the hand feels is the tissue's alone. The neck is held. The
 wall has a modulus of 500 kPa (porcine bile duct: shear 166 ± 67 kPa, PMC6925591, from Duch 2004). Assumptions are its
-1 mm, as in the default scene, friction of 0.1, the bend of the tip, and the {limit_mn:.0f} mN at which a hand gives up.
-A hand that turns draws back 3 mm there, turns by 137.5° and tries again, up to eight times; one that pulls has pulled
-the neck with 0.29 N before and holds it there (`duct.traction_n`). An insertion has passed when the tip is 2 mm beyond
-the folds.
+1 mm, as in the default scene, friction of 0.1, the bend of the tip, the height of folds, and the {limit_mn:.0f} mN at
+which a hand gives up. A hand that turns draws back 3 mm there, turns by 137.5° and tries again, up to eight times at
+one fold; one that pulls has pulled the neck with 0.29 N before and holds it there (`duct.traction_n`). A straight tip
+is turned in the same way. An insertion has passed when the tip is 2 mm beyond the folds.
 """
 
 
@@ -34,10 +34,11 @@ def write_page(
     path: Path,
     runs: Sequence[Run],
     drawn_duct: Callable[[int], CysticDuctScene],
-    kinds: Mapping[str, str],
-    limit_n: float,
+    hands: tuple[Mapping[str, str], float],
+    stiffness: Mapping[int, Mapping[str, list[list[float]]]],
 ) -> None:
-    """Write the page of all runs."""
+    """Write the page of all runs; ``hands`` are their kinds and their limit, ``stiffness`` that of folds by mesh."""
+    kinds, limit_n = hands
     usual = [run for run in runs if not run.how]
     seeds = sorted({run.seed for run in usual})
     of = {(run.seed, run.kind): run for run in usual}
@@ -50,8 +51,9 @@ def write_page(
         _WHAT.format(limit_mn=1e3 * limit_n),
         *_shares(usual, kinds, len(seeds)),
         *_depths(usual, kinds),
-        *_seeds(seeds, of, drawn_duct),
+        *_seeds(seeds, of, kinds, drawn_duct),
         *_finer(runs, of),
+        *_stiffness(stiffness),
     ]
     path.write_text("\n".join(lines), encoding="utf-8")
 
@@ -103,16 +105,20 @@ def _depths(runs: Sequence[Run], kinds: Mapping[str, str]) -> list[str]:
 
 
 def _seeds(
-    seeds: Sequence[int], of: Mapping[tuple[int, str], Run], drawn_duct: Callable[[int], CysticDuctScene]
+    seeds: Sequence[int],
+    of: Mapping[tuple[int, str], Run],
+    kinds: Mapping[str, str],
+    drawn_duct: Callable[[int], CysticDuctScene],
 ) -> list[str]:
     lines = [
         "## Each duct",
         "",
-        "*Way* is the width that the folds leave open, where it is least; length and width are in mm, too. A number is",
-        "the largest force in mN; then where the tip stopped, or how often the hand tried again before it passed.",
+        "*Beside* is the width that one fold leaves open, where it is least; length and width are in mm, too. A",
+        "number is the largest force in mN; then where the tip stopped, or how often the hand tried again before it",
+        "passed.",
         "",
-        "| seed | course | length | width | folds | height | way | no folds | push | turn | turn and pull |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        f"| seed | course | length | width | folds | height | beside | {' | '.join(kinds.values())} |",
+        f"| --- | --- | --- | --- | --- | --- | --- |{' --- |' * len(kinds)}",
     ]
     for seed in seeds:
         duct = drawn_duct(seed)
@@ -120,11 +126,12 @@ def _seeds(
         assert duct.width_m is not None
         assert duct.end_width_m is not None
         assert duct.fold_height is not None
-        way_mm = 1e3 * min(duct.width_m, duct.end_width_m) * (1.0 - duct.fold_height)
-        told = [_told(of[seed, kind]) for kind in ("smooth", "push", "turn", "pull")]
+        half_mm = 0.5e3 * min(duct.width_m, 0.5 * (duct.width_m + duct.end_width_m))  # where there are folds
+        told = [_told(of[seed, kind]) for kind in kinds]
         lines.append(
             f"| {seed} | {duct.course} | {1e3 * duct.length_m:.0f} | {1e3 * duct.width_m:.1f} to "
-            f"{1e3 * duct.end_width_m:.1f} | {duct.folds} | {duct.fold_height:.2f} | {way_mm:.1f} | "
+            f"{1e3 * duct.end_width_m:.1f} | {duct.folds} | {duct.fold_height:.2f} | "
+            f"{half_mm * (2.0 - duct.fold_height):.1f} | "
             f"{' | '.join(told)} |"
         )
     return [*lines, ""]
@@ -165,3 +172,27 @@ def _over(run: Run, to_mm: float) -> tuple[float, float]:
     depth, force = np.array(run.depth_mm), np.array(run.force_mn)
     here = depth <= to_mm
     return float(force[here].max()), 1e-3 * float(np.trapezoid(force[here], depth[here]))
+
+
+def _stiffness(stiffness: Mapping[int, Mapping[str, list[list[float]]]]) -> list[str]:
+    """Return the table of how stiff folds are by the mesh, the force at a stated deflection."""
+    if not stiffness:
+        return []
+    lines = [
+        "## How stiff the folds are",
+        "",
+        "A pressure on the area of a tip, 0.6 mm in radius, pushes the crest of each fold: the force by the",
+        "deflection, in N/mm, statically, on edges as long as the default's and shorter. A crest that the common duct",
+        "has taken in is left out. The change is that to the finest mesh, of the fold that changes most.",
+        "",
+        "| seed | push | edges 1 | 0.7 | 0.5 | change |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for seed, of_mesh in sorted(stiffness.items()):
+        for side, name in enumerate(("along the duct", "outwards")):
+            values = [1e-3 * np.array(of_mesh[share][side]) for share in ("1", "0.7", "0.5")]
+            change = values[2] / values[0] - 1.0
+            told = [", ".join(f"{x:.3f}" for x in each) for each in values]
+            most = 100.0 * float(change[np.argmax(np.abs(change))])
+            lines.append(f"| {seed} | {name} | {' | '.join(told)} | {most:+.1f} % |")
+    return [*lines, ""]

@@ -3,7 +3,8 @@
 First everything that shares the machine: a worker a core and one more, as many tests wait for processes, a file stays
 with one of them. Then, alone, what starts a rig that is judged: a rig beside busy neighbours is late, and rightly
 called so. One summary counts both; either part fails the run. Where all tests are run, physics and haptics compile
-before, each its share, so that no two workers compile the same. What failed is told again at the end.
+before, each its share, so that no two workers compile the same. What failed is told again at the end, and which files
+took longest: they begin first the next time.
 
 ``--long``, by hand and before a release, also runs what is marked ``long``; then all hard cases of a seed that nobody
 has seen (``--seed S``: that one), and what is left of the proofs by chance (``tests/proofs``). Their rates are tables
@@ -13,6 +14,7 @@ in ``docs/results``.
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import secrets
 import subprocess
@@ -20,10 +22,11 @@ import sys
 import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
+from tests import file_seconds
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.kernels import kernel_cache
 from trocar.services.kernels.source_closure import Sources
@@ -66,18 +69,23 @@ class Outcome:
     skipped: int
     elapsed_s: float
     failures: tuple[str, ...] = ()
+    file_s: dict[str, float] = field(default_factory=dict)
+    """What the tests of each file took, by its dotted name."""
 
 
 def run_part(options: tuple[str, ...], arguments: list[str]) -> Outcome:
     """Run pytest with its own output, and return its counts."""
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.xml"
+        report, seconds = Path(folder) / "report.xml", Path(folder) / "seconds.json"
+        seconds.write_text(json.dumps(file_seconds.of_last_run()), encoding="utf-8")
+        environment = {**os.environ, **_ENVIRONMENT, file_seconds.COPY: str(seconds)}
         command = [sys.executable, "-m", "pytest", *options, f"--junitxml={report}", *arguments]
-        exit_code = subprocess.run(command, check=False, env={**os.environ, **_ENVIRONMENT}).returncode
+        exit_code = subprocess.run(command, check=False, env=environment).returncode
         passed, failed, skipped = _counts(report) if report.exists() else (0, 0, 0)
         failures = _failures(report) if failed else ()
-    return Outcome(exit_code, passed, failed, skipped, time.monotonic() - began_s, failures)
+        file_s = file_seconds.seconds_of(report) if report.exists() else {}
+    return Outcome(exit_code, passed, failed, skipped, time.monotonic() - began_s, failures, file_s)
 
 
 def _counts(report: Path) -> tuple[int, int, int]:
@@ -153,6 +161,9 @@ def main(arguments: list[str]) -> int:
     parts = [run_part(("-n", str(workers), *_TOGETHER), arguments)]
     if parts[0].exit_code != 2:  # interrupted, or -x
         parts.append(run_part(_ALONE, arguments))
+    if parts[0].file_s:
+        file_seconds.keep_seconds(parts[0].file_s)
+        print(file_seconds.longest(parts[0].file_s))
     for told in [told for part in parts for told in part.failures]:
         print(told)  # once more: whoever sees only the end of a long output wants to know
     print(summary(parts))

@@ -27,6 +27,7 @@ import pytest
 from hypothesis import settings
 
 import trocar.services.start.entry  # noqa: F401  first of all: kernels and threads as in a process of the rig
+from tests import file_seconds
 from tests.by_day import LONG
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.kernels import kernel_cache
@@ -43,11 +44,6 @@ MAKERS = (
     "trocar.services.meshes.cached",
 )
 _LIBRARIES = ("numpy", "scipy", "numba", "trimesh", "pyvista", "pyacvd")
-#: Files of ten seconds and more: the last of all would keep one worker while the others have nothing left.
-_FIRST = (
-    *("test_runs_of_fakes", "test_rig_of_fakes", "test_late_kernels", "test_trajectories", "test_window"),
-    *("test_day", "test_picture", "test_replay", "test_kernel_cache", "test_fork_server"),
-)
 _KEPT = 3
 _IN_USE_S = 3600.0
 
@@ -105,8 +101,9 @@ def _tell_of_garbage(tell: Callable[[Any], object], file: str, told: Any) -> Non
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what is long, unless it is asked for; what takes longest, or waits most of the time, comes first."""
-    items.sort(key=lambda item: item.path.stem not in _FIRST)
+    """Leave out what is long, unless it is asked for; in a run of all, files that took longest come first."""
+    seconds = file_seconds.of_last_run() if file_seconds.COPY in os.environ else {}
+    items.sort(key=lambda item: -seconds.get(file_seconds.dotted_name(item.nodeid), 0.0))
     if config.getoption("--long"):
         return
     left_out = [item for item in items if item.get_closest_marker("long")]
@@ -122,6 +119,13 @@ def same_environment() -> Iterator[None]:
     for name in os.environ.keys() - before.keys():
         del os.environ[name]
     os.environ.update(before)
+
+
+@pytest.fixture
+def private_folder(tmp_path: Path) -> Path:
+    """Return a folder that is this user's alone, as those of rigs must be."""
+    tmp_path.chmod(0o700)
+    return tmp_path
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import file_seconds
 from tests.__main__ import Outcome, exit_code, measure_rates, run_part, summary
 
 SUITE = """
@@ -47,6 +48,26 @@ def test_a_part_is_counted(options: tuple[str, ...], tmp_path: Path) -> None:
     [told] = part.failures
     assert "test_bad" in told
     assert "assert False" in told
+    assert list(part.file_s) == ["test_suite"]
+
+
+def test_files_that_took_longest_begin_first_the_next_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = ["tests/files/test_trusted_path.py", "tests/protocol/test_topics.py"]
+
+    def order() -> list[str]:
+        command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-n0", *files]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        return list(dict.fromkeys(line.partition("::")[0] for line in done.stdout.splitlines() if "::" in line))
+
+    monkeypatch.setenv("TROCAR_CACHE_DIR", str(tmp_path))
+    file_seconds.keep_seconds({"tests.protocol.test_topics": 3.0, "tests.gone": 9.0})
+    file_seconds.keep_seconds({"tests.files.test_trusted_path": 2.0})
+    assert order() == files, "as it is asked for, of whoever runs a few"
+    monkeypatch.setenv(file_seconds.COPY, str(tmp_path / "test-seconds.json"))
+    assert order() == files[::-1]
+    (tmp_path / "test-seconds.json").write_text("{")
+    assert order() == files
+    assert file_seconds.longest({"tests.a": 1.0, "tests.b": 2.4}) == "longest files: b 2 s, a 1 s"
 
 
 def test_what_starts_a_rig_is_in_the_second_part_and_nothing_else() -> None:

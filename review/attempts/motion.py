@@ -16,8 +16,8 @@ Measure = Callable[[Values, float], float]
 SAMPLE_HZ = 50.0  # five times the cut-off, by which nothing below it is lost
 CUT_OFF_HZ = 10.0  # as usual in the field: voluntary motion lies below, tremor and noise above
 MOVES_M_S, IDLE_M_S = 5e-3, 2e-3  # assumptions: a tremor of 0.1 mm at 8 Hz has 5 mm/s
-_SHORTEST_S = 0.2
-"""A movement of fewer samples has no shape to judge."""
+_SHORTEST_S = 2.0 / CUT_OFF_HZ
+"""A shorter movement has no shape to judge: a speed rises and falls in two periods of the cut-off at least."""
 _SPARC_HZ, _SPARC_THRESHOLD, _SPARC_PAD = 10.0, 0.05, 4  # as published by Balasubramanian et al. (2015)
 
 

@@ -15,7 +15,7 @@ from trocar.services.training.situation import EVERY_TICKS, TISSUES, Situation
 HANDS = 2  # more have no columns: a scene for training has at most two tools
 _PHASE_NUMBERS = {phase: number for number, phase in enumerate(PHASES)}
 _WIDTH = 6 + len(TISSUES) + HANDS
-_HAND = 6
+_HAND = 6  # numbers of a hand: three for its position, three for its port
 
 
 class Trace:

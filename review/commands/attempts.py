@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from trocar.review.attempts.curve import cusum, learning_curve
-from trocar.review.attempts.statements import Endpoint, as_lines, statement
+from trocar.review.attempts.statements import Endpoint, as_lines, check_endpoint, statement
 from trocar.review.attempts.store.attempts import Listed, Store, StoreError, UnknownError
 from trocar.review.attempts.store.recordings import Erased, Plan
 from trocar.services.cli import targets
@@ -96,11 +96,16 @@ def run_export(database: str | None, trainee: str | None, out: Path | None) -> N
 def run_xapi(database: str | None, trainee: str | None, to: str, home: str, login: str) -> None:
     """Send the attempts of a trainee, or of all, as xAPI statements to a learning record store or into a file.
 
-    Raises ConfigError if `to` is an address of another kind, UserError if the store refuses them or is not reached.
+    Raises ConfigError if `to` or `home` is an address of another kind, UserError if the store refuses them or is not
+    reached.
     """
     scheme = to.partition("://")[0].lower() if "://" in to else ""
     if scheme not in ("", "http", "https"):
         raise ConfigError(f"--to {to}: is neither a file nor an http or https address")
+    if scheme:
+        check_endpoint(to)
+    if not home.startswith(("http://", "https://")):
+        raise ConfigError(f"--home {home}: is no http or https address")
     with reading(database) as store:
         statements = [statement(found, who, home.rstrip("/")) for who, found in store.kept(trainee)]
     if scheme:

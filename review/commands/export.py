@@ -12,6 +12,7 @@ import numpy as np
 
 from trocar.protocol import TOPICS
 from trocar.review.export.tables import Columns, read_columns
+from trocar.services.cli import targets
 from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 
@@ -53,7 +54,11 @@ def run_export(file: Path, to: str, out: Path | None, topics: Collection[str], v
 def export_dataset(files: Sequence[Path], out: Path | None, **options: Any) -> None:
     """Write recordings as one dataset, and say where: by whoever offers it as an entry point of `_EXPORTS`."""
     (found,) = entry_points(group=_EXPORTS, name="lerobot")
-    print(found.load()(files, out or files[0].with_suffix(".lerobot"), **options))
+    place = out or files[0].with_suffix(".lerobot")
+    targets.make_folder("--out", place.absolute().parent)
+    with targets.writing("--out", place):
+        said = found.load()(files, place, **options)
+    print(said)
 
 
 def _need(package: str, to: str) -> None:

@@ -21,7 +21,7 @@ from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.loop.tick_grid import MOMENTS, STATES, as_state
 
 _TOLD = ("training.attempt", "supervisor.state")
-_TURN_S = 2 * MOMENT_TICKS * TICK_S  # two moments
+_TURN_S = 2 * MOMENT_TICKS * TICK_S  # two moments, as it is read half as often as there are any
 _SAMPLE_S = MOMENT_TICKS * TICK_S  # as often as there are moments in simulated time
 _PATIENCE_NS = 20 * TICK_NS  # half a sample; the topics are sent each tick, so that nearly all come
 

@@ -35,7 +35,7 @@ _PATIENCE_NS = 4_000_000
 #: up to 60 Hz.
 _FAST_HZ = 100.0
 #: How long the rig may be silent at first: ten heartbeats, as one that only begins to run is silent for some seconds.
-_SILENT_S = 10 * HEARTBEAT_S
+SILENT_S = 10 * HEARTBEAT_S
 #: Messages that wait for a slow viewer; the oldest are dropped for it, and for nobody else.
 _BACKLOG = 256
 
@@ -51,7 +51,7 @@ class Observed:
 
     def look_for_rig(self) -> None:
         """Raise BusError if no rig is heard for some seconds."""
-        until_s = time.monotonic() + _SILENT_S
+        until_s = time.monotonic() + SILENT_S
         while not any(self.frames()):
             if time.monotonic() > until_s:
                 raise BusError("nothing was heard: is a rig running on this transport?")
@@ -114,12 +114,14 @@ def run_foxglove(
     rig = config.load_rig(rig_name, rig_overrides)
     if scene is not None:
         load_scene(scene, scene_overrides)
+    encrypted = _encryption(rig, host, insecure)
+    _need_package()
     signal.signal(signal.SIGTERM, _end)
     to_wall_ns = time.time_ns() - time.monotonic_ns()
     bus = Observed(rig)
     try:
         bus.look_for_rig()
-        server, make = _serve(rig, host, port, insecure)
+        server, make = _serve(rig.name, host, port, encrypted)
         try:
             print(f"the rig '{rig.name}' is at {_address(host, server)}: open it in Foxglove", flush=True)
             picture = PictureRecorder(to_wall_ns)
@@ -137,26 +139,40 @@ def _end(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _serve(rig: Rig, host: str, port: int, insecure: bool) -> tuple[Any, Callable[[str, str, bytes], Any]]:
-    """Return a server, and what makes a channel of it by topic, name of the schema and descriptors."""
+def _encryption(rig: Rig, host: str, insecure: bool) -> dict[str, Any]:
+    """Return certificate and key of a server, nothing where it is in clear.
+
+    Raises ConfigError if it would be in clear to others, and that is not accepted.
+    """
     certificate = web_certificate.load_for(rig)
-    if host not in LOOPBACK and certificate is None and not insecure:
+    if certificate is not None:
+        return {"tls_cert": certificate.file.read_bytes(), "tls_key": certificate.key_file.read_bytes()}
+    if host not in LOOPBACK and not insecure:
         raise ConfigError(
             f"--host {host} would show the rig to a network in clear: name the directory of `trocar keys` as "
             "`supervisor.web.keys`, or accept that by --insecure"
         )
+    return {}
+
+
+def _need_package() -> None:
     try:
-        import foxglove
+        import foxglove  # noqa: F401 - whether it is there
     except ModuleNotFoundError as error:
         raise MissingPackageError("trocar foxglove", error.name) from None
-    encrypted: dict[str, Any] = {}
-    if certificate is not None:
-        encrypted = {"tls_cert": certificate.file.read_bytes(), "tls_key": certificate.key_file.read_bytes()}
+
+
+def _serve(
+    rig_name: str, host: str, port: int, encrypted: dict[str, Any]
+) -> tuple[Any, Callable[[str, str, bytes], Any]]:
+    """Return a server, and what makes a channel of it by topic, name of the schema and descriptors."""
+    import foxglove
+
     foxglove.set_log_level("ERROR")
     context = foxglove.Context()
     try:
         server = foxglove.start_server(
-            name=f"Trocar: {rig.name}", host=host, port=port, capabilities=[], context=context,
+            name=f"Trocar: {rig_name}", host=host, port=port, capabilities=[], context=context,
             message_backlog_size=_BACKLOG, **encrypted,
         )  # fmt: skip
     except (RuntimeError, OSError, ValueError) as error:

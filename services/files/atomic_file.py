@@ -1,8 +1,9 @@
-"""Atomic writes: a reader sees a whole file or none of it, and only complete lines of a log."""
+"""Atomic writes: a reader sees a whole file or folder or none of it, and only complete lines of a log."""
 
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,20 @@ def atomic_file(path: Path) -> Iterator[Path]:
         half.replace(path)
     finally:
         half.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """Yield a folder, not made yet, that becomes `path`, where nothing or an empty folder is, when all is written.
+
+    If that fails, nothing of it stays.
+    """
+    half = path.absolute().with_name(f".{os.getpid()}.{path.absolute().name}")
+    try:
+        yield half
+        half.replace(path)
+    finally:
+        shutil.rmtree(half, ignore_errors=True)
 
 
 def complete_lines(path: Path) -> list[str]:

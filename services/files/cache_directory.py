@@ -9,10 +9,14 @@ import os
 import shutil
 import sys
 import tempfile
+import time
+from collections.abc import Iterable
 from pathlib import Path
 
 from trocar.services.files.trusted_path import fault_of_place
 
+#: What no run has used for so long is removed. Assumption: after a quarter of a year nobody goes back to other code.
+UNUSED_S = 90.0 * 86400.0
 #: Folder of dumps in the cache, which no program reads.
 _FOR_PEOPLE = "dumps"
 
@@ -75,6 +79,14 @@ def make_folders(folder: Path) -> None:
     if not folder.is_dir():
         make_folders(folder.parent)
         folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def forget_unused(paths: Iterable[Path]) -> None:
+    """Remove those files and folders that no run has used for `UNUSED_S`; their own times say when that was."""
+    for path in paths:
+        with contextlib.suppress(OSError):  # another process was faster, or it is not this user's
+            if time.time() - path.stat().st_mtime > UNUSED_S:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 @functools.cache

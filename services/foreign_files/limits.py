@@ -8,7 +8,7 @@ from pathlib import Path
 
 #: Of the smallest file, and what each of its bytes adds. A megabyte of text takes a second to read, one of a recording
 #: half a second; a byte of text becomes up to twenty in memory. Three times as much computing is allowed, and an answer
-#: with twice as much memory.
+#: with twice as much memory:
 _MEMORY_BYTES, _MEMORY_A_BYTE = 640 << 20, 20
 _CPU_S, _CPU_S_A_BYTE = 6.0, 3e-6
 _ANSWER_BYTES, _ANSWER_A_BYTE = 256 << 20, 40

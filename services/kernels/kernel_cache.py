@@ -30,7 +30,7 @@ from typing import IO
 from trocar.services.files.cache_directory import cache_directory, make_folders, trusted_directory
 from trocar.services.files.trusted_path import fault_of_place
 from trocar.services.kernels import kernel_archive
-from trocar.services.kernels.source_closure import Sources
+from trocar.services.kernels.source_closure import own_sources
 
 _OPTIONS = ("NUMBA_BOUNDSCHECK", "NUMBA_OPT", "NUMBA_DEBUGINFO", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE")
 _FILE = re.compile(r"-(\d+)\.py\w+\.(?:nbi|\d+\.nbc)")
@@ -192,7 +192,7 @@ atexit.register(settle)
 @functools.cache
 def _folder(path: str, root: Path) -> Path | None:
     """Return the folder of a file's kernels below `root`, marked as used, or None."""
-    module = _sources().module_of(Path(path))
+    module = own_sources().module_of(Path(path))
     if module is None or not _is_writable(root):
         return None
     if fault := kernel_archive.unpack(root):
@@ -206,16 +206,11 @@ def _folder(path: str, root: Path) -> Path | None:
 
 
 @functools.cache
-def _sources() -> Sources:
-    return Sources(Path(__file__).parents[3])
-
-
-@functools.cache
 def _digest(module: str) -> str:
     """Return a hash of what decides what the kernels of a module are, beyond signature and processor."""
     versions = [sys.modules[name].__version__ for name in ("numba", "llvmlite")]
     options = [f"{name}={os.environ.get(name)}" for name in _OPTIONS]
-    text = "\n".join(["with hashes", _sources().digest(module), *versions, *options])
+    text = "\n".join(["with hashes", own_sources().digest(module), *versions, *options])
     return digest_of(text)
 
 

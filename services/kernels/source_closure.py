@@ -92,3 +92,9 @@ class Sources:
             return None
         stem = os.path.join(self._root, *module.split("."))
         return next((Path(path) for path in (f"{stem}.py", f"{stem}/__init__.py") if os.path.isfile(path)), None)
+
+
+@functools.cache
+def own_sources() -> Sources:
+    """Return the modules of the tree that this one lies in."""
+    return Sources(Path(__file__).parents[3])

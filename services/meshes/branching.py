@@ -13,7 +13,7 @@ import numpy as np
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.reduction.cache import Entry, fetch
-from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.surface.branched_tubes import Tube, union_distance_m
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.refining import refine
@@ -40,9 +40,8 @@ def load_branching(tubes: list[Tube], edge_m: float | None, cache_dir: Path | No
     """
     edge_m = edge_m or EDGE_OF_RADIUS * min(tube.detail_m() for tube in tubes)
     libraries = [f"{name} {version(name)}" for name in MESH_LIBRARIES]
-    code = hash_sources(Path(__file__).parent), hash_sources(Path(union_distance_m.__code__.co_filename).parent)
     told = [{key: _plain(value) for key, value in dataclasses.asdict(tube).items()} for tube in tubes]
-    name = "mesh-" + hash_content(told, edge_m, libraries, *code)
+    name = entry_name("mesh", __name__, told, edge_m, libraries)
 
     def make(entry: Entry) -> None:
         write_entry(entry, branching_mesh(tubes, edge_m))
@@ -57,7 +56,7 @@ def _plain(value: Any) -> Any:
 def branching_mesh(tubes: list[Tube], edge_m: float) -> TriangleMesh:
     """Return the surface, not from the cache; see `load_branching`."""
     ends = _open_ends(tubes)
-    surface = _cut(_contour(tubes, edge_m / _CELLS_PER_EDGE), ends)
+    surface = _cut(contour_union(tubes, edge_m / _CELLS_PER_EDGE), ends)
     mesh = remesh(_outward(surface), edge_m)
     if any(tube.has_details for tube in tubes):
         mesh = refine(mesh, _details_m(tubes, edge_m))
@@ -95,7 +94,7 @@ def _open_ends(tubes: list[Tube]) -> list[_End]:
     return ends
 
 
-def _contour(tubes: list[Tube], cell_m: float) -> Any:
+def contour_union(tubes: list[Tube], cell_m: float) -> Any:
     """Return the closed surface of the union."""
     import pyvista
 

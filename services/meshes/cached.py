@@ -9,10 +9,11 @@ from typing import Any
 
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction.cache import Entry, fetch
-from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.meshes.announced import judge_place
 from trocar.services.meshes.loading import OnStep, SurfaceSettings, load_duct_surface
+from trocar.services.meshes.reading import READER
 
 MESH_LIBRARIES = ("trimesh", "pyvista", "pyacvd", "vtk")
 
@@ -32,14 +33,14 @@ def load_mesh(
     """Return the duct in a surface file, from the cache if this file was made into it before.
 
     See `trocar.services.meshes.loading.SurfaceSettings` for the choices. The entry's name is made of the file's bytes,
-    the choices, this package's code and the versions of the mesh libraries.
+    the choices, the code and the versions of the mesh libraries.
     Raises MeshError if the surface cannot be used; the sentence names the file, the reason and the place.
     """
     settings = SurfaceSettings(units, clamped, mouth, edge_m, lumen_diameter_m, names, up)
     judge_place(path)
     libraries = [f"{name} {version(name)}" for name in MESH_LIBRARIES]
-    code = hash_sources(Path(__file__).parent)
-    name = "mesh-" + hash_content(path.read_bytes(), path.suffix, dataclasses.asdict(settings), libraries, code)
+    made_of = path.read_bytes(), path.suffix, dataclasses.asdict(settings), libraries
+    name = entry_name("mesh", (__name__, READER), *made_of)
 
     def make(entry: Entry) -> None:
         duct = load_duct_surface(path, settings, on_step)

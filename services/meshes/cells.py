@@ -26,13 +26,11 @@ class Cells:
     Attributes:
         kind: As the library meshio names it: triangle, quad, triangle6, line, tetra and so on.
         nodes: (n, nodes of each) vertices.
-        groups: Names of the groups that all of them belong to.
-        members: Of other groups, the indices of the cells.
+        members: Of groups, the indices of the cells.
     """
 
     kind: str
     nodes: Int64Array
-    groups: tuple[str, ...] = ()
     members: Mapping[str, Int64Array] = field(default_factory=dict)
 
 
@@ -48,8 +46,6 @@ def surface_of(
     second_order = 0
     for block in blocks:
         _check_nodes(path, block, len(vertices))
-        for group in block.groups:
-            _add(named, group, block.nodes)
         for group, members in block.members.items():
             _add(named, group, block.nodes[members])
         if block.kind not in FACES:

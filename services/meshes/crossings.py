@@ -13,7 +13,7 @@ CHUNK = 2048
 """Triangles whose candidate partners are held at the same time."""
 SIZE_CLASS = 1.3
 """Triangles whose radii differ by less are looked for within the same distance."""
-CORNER_PAIRS = ((0, 1), (1, 2), (2, 0))
+CORNER_PAIRS = ((0, 1), (1, 2), (2, 0))  # the sides of a triangle, by its corners
 
 
 def crossing_triangles(mesh: TriangleMesh) -> IntArray:

@@ -11,7 +11,9 @@ from trocar.services.meshes.errors import MeshError
 
 READABLE = (".stl", ".obj", ".ply", ".vtp", ".vtu", ".msh", ".inp")
 HEAD_BYTES = 1 << 16
-_STL_HEADER, _STL_TRIANGLE, _BEHIND_BYTES = 80, 50, 8192
+_BEHIND_BYTES = 8192
+#: Bytes of a binary STL, by the format of 3D Systems: of the header before the count, and of each triangle.
+STL_HEADER, STL_TRIANGLE = 80, 50
 _GRID = re.compile(rb"<VTKFile[^>]*\btype\s*=\s*[\"']UnstructuredGrid")
 _MSH = re.compile(rb"^\$MeshFormat\s", re.MULTILINE)
 _INP = re.compile(rb"^\*(node|heading|part|include)\b", re.MULTILINE | re.IGNORECASE)
@@ -33,7 +35,7 @@ def find_kind(path: Path, head: bytes, size: int) -> str:
         return "vtu" if _GRID.search(text) else "vtp"
     if text.startswith(b"$MeshFormat") or _MSH.search(text):
         return "msh"
-    has_text = b"\0" not in head[: _STL_HEADER + 4] or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    has_text = b"\0" not in head[: STL_HEADER + 4] or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if has_text and text[:5].lower() == b"solid":
         return "text stl"
     if has_text and _VERTEX_LINE.search(text):
@@ -47,8 +49,8 @@ def find_kind(path: Path, head: bytes, size: int) -> str:
 
 def _is_binary_stl(head: bytes, size: int) -> bool:
     """Return whether the number of triangles fits the size, but for a little behind them."""
-    wanted = _STL_HEADER + 4 + _STL_TRIANGLE * int.from_bytes(head[_STL_HEADER : _STL_HEADER + 4], "little")
-    return wanted > _STL_HEADER + 4 and wanted <= size <= wanted + _BEHIND_BYTES
+    wanted = STL_HEADER + 4 + STL_TRIANGLE * int.from_bytes(head[STL_HEADER : STL_HEADER + 4], "little")
+    return wanted > STL_HEADER + 4 and wanted <= size <= wanted + _BEHIND_BYTES
 
 
 def plain_text(data: bytes) -> bytes:

@@ -31,6 +31,23 @@ _KINDS = (
     (r"MASS|SPRING1|DASHPOT1|ROTARYI", "vertex", 1),
 )  # fmt: skip
 """Types of elements, the kind of cell that each is, and its number of nodes."""
+_OTHER_MESH = {
+    "INCLUDE": "includes another file, which is not read: put both into one",
+    "SYSTEM": "gives nodes in axes of their own, which is not read: write them in those of the whole",
+    "IMPORT": "takes the mesh of another analysis, which is not read",
+    **dict.fromkeys(
+        ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"),
+        "makes or changes nodes or elements, which is not read: write the mesh as it is then",
+    ),
+}
+"""Keywords without which the mesh would be another one than the solver's, and why they are refused."""
+_OTHER_PLACE = {
+    "INPUT": "reads values from another file, which is not read: put both into one",
+    "SYSTEM": "gives nodes in cylindrical or spherical coordinates, which is not read: write x, y, z",
+}
+"""Parameters of keywords that are read, likewise; ``SYSTEM=R`` is the usual one."""
+
+_MOST_GENERATED = 100_000_000
 
 
 @dataclass(slots=True)
@@ -38,9 +55,15 @@ class _Model:
     path: Path
     number: dict[int, int] = field(default_factory=dict)  # of a node in the file, its place
     places: list[tuple[float, float, float]] = field(default_factory=list)
-    elements: list[tuple[str, list[int], Int64Array, str]] = field(default_factory=list)  # kind, numbers, nodes, set
+    elements: list[tuple[str, list[int], Int64Array]] = field(default_factory=list)  # kind, numbers, nodes
+    known: set[int] = field(default_factory=set)  # numbers of elements
     node_sets: dict[str, list[int | str]] = field(default_factory=dict)
     element_sets: dict[str, list[int | str]] = field(default_factory=dict)
+    of_elements: list[tuple[int, str, str]] = field(default_factory=list)  # line, a node set, whose elements it is of
+
+    def name_of(self, name: str, sets: dict[str, list[int | str]]) -> str:
+        """Return a set's name as it was first written: capitals and small letters are the same."""
+        return next((known for known in sets if known.upper() == name.upper()), name)
 
     def refuse(self, line: int, what: str) -> MeshError:
         return MeshError(f"{self.path}: line {line}: {what}")
@@ -60,35 +83,47 @@ def read_inp(path: Path) -> SurfaceData:
     """Return the faces of shell, membrane and plane elements, with node and element sets as sets of vertices.
 
     Raises MeshError that names the line: one that is cut off or no number, a type that is not known, an element of
-    another number of nodes, a set or element that names what is not there, several parts, or an included file.
+    another number of nodes, a set or element that names what is not there, several parts, or a keyword by which the
+    mesh is another than is written, as that of an included file.
     """
     model = _Model(path)
     for block in _blocks(path):
-        if block.keyword == "INCLUDE":
-            raise model.refuse(block.line, "includes another file, which is not read: put both into one")
+        if block.keyword in _OTHER_MESH and (block.rows or block.keyword != "SYSTEM"):
+            raise model.refuse(block.line, f"*{block.keyword} {_OTHER_MESH[block.keyword]}")
         read = _READERS.get(block.keyword)
         if read is not None:
+            _judge_parameters(model, block)
             read(model, block)
     if not model.number:
         raise MeshError(f"{path}: has no nodes")
     return surface_of(path, np.array(model.places), _cells(model), _node_sets(model))
 
 
+def _judge_parameters(model: _Model, block: _Block) -> None:
+    for name, why in _OTHER_PLACE.items():
+        value = block.parameters.get(name)
+        if value is not None and (name, value.upper()) != ("SYSTEM", "R"):
+            raise model.refuse(block.line, f"*{block.keyword}, {name}={value} {why}")
+
+
 def _blocks(path: Path) -> Iterator[_Block]:
-    """Yield keywords with their rows; a row that ends with a comma goes on in the next."""
+    """Yield keywords with their rows; a keyword's line that ends with a comma goes on in the next."""
     text = plain_text(path.read_bytes()).decode("utf-8", "replace")
     block: _Block | None = None
+    goes_on = False
     for number, line in enumerate(text.splitlines(), 1):
         stripped = line.strip()
         if not stripped or stripped.startswith("**"):
             continue
-        if stripped.startswith("*"):
+        if block is not None and goes_on and not stripped.startswith("*"):
+            block.parameters.update(_parameters(stripped.split(",")))
+            goes_on = stripped.endswith(",")
+        elif stripped.startswith("*"):
             if block is not None:
                 yield block
-            keyword, *rest = (each.strip() for each in stripped[1:].split(","))
-            pairs = (each.partition("=") for each in rest if each)
-            parameters = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
-            block = _Block(number, " ".join(keyword.upper().split()), parameters, [])
+            keyword, *rest = stripped[1:].split(",")
+            block = _Block(number, " ".join(keyword.upper().split()), _parameters(rest), [])
+            goes_on = stripped.endswith(",")
         elif block is not None:
             block.rows.append((number, [each.strip() for each in stripped.split(",")]))
         else:
@@ -97,11 +132,16 @@ def _blocks(path: Path) -> Iterator[_Block]:
         yield block
 
 
+def _parameters(parts: list[str]) -> dict[str, str]:
+    pairs = (each.partition("=") for each in parts if each.strip())
+    return {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
+
+
 def _read_nodes(model: _Model, block: _Block) -> None:
     found: list[int | str] = []
     for line, values in block.rows:
         try:
-            number, place = int(values[0]), [float(each) for each in values[1:4] if each]
+            number, place = _whole_number(values[0]), [_number(each) for each in _without_end(values)[1:4]]
         except ValueError as error:
             raise model.refuse(line, f"a node: {error}") from None
         if not 2 <= len(place) <= 3:
@@ -112,7 +152,25 @@ def _read_nodes(model: _Model, block: _Block) -> None:
         model.places.append((*place, 0.0)[:3])  # type: ignore[arg-type]
         found.append(number)
     if "NSET" in block.parameters:
-        model.node_sets.setdefault(block.parameters["NSET"], []).extend(found)
+        model.node_sets.setdefault(model.name_of(block.parameters["NSET"], model.node_sets), []).extend(found)
+
+
+def _without_end(values: list[str]) -> list[str]:
+    """Return values up to the last one that is there."""
+    return values[: max((k for k, each in enumerate(values, 1) if each), default=0)]
+
+
+def _whole_number(text: str) -> int:
+    if not re.fullmatch(r"[-+]?\d{1,18}", text, re.ASCII):
+        raise ValueError(f"'{text}' is no whole number")
+    return int(text)
+
+
+def _number(text: str) -> float:
+    """Return a number as Fortran writes it; where there is none between commas, it is 0."""
+    if not re.fullmatch(r"[-+.\w]*", text, re.ASCII) or "_" in text:
+        raise ValueError(f"'{text}' is no number")
+    return float(text.upper().replace("D", "E") if re.search(r"\dD|\.D", text, re.IGNORECASE) else text or "0")
 
 
 def _read_elements(model: _Model, block: _Block) -> None:
@@ -129,11 +187,23 @@ def _read_elements(model: _Model, block: _Block) -> None:
     except (ValueError, OverflowError):
         line, wrong = next((line, each) for line, each in values if not re.fullmatch(r"[-+]?\d{1,18}", each))
         raise model.refuse(line, f"'{wrong}' is no number of a node or an element") from None
-    model.elements.append((kind, table[:, 0].tolist(), table[:, 1:], block.parameters.get("ELSET", "")))
+    numbers = table[:, 0].tolist()
+    if len(model.known) + len(numbers) > len(model.known | set(numbers)):
+        seen = model.known.copy()
+        twice = next(each for each in numbers if each in seen or seen.add(each))  # type: ignore[func-returns-value]
+        raise model.refuse(block.line, f"element {twice} is there twice; of several parts only one can be read")
+    model.known.update(numbers)
+    name = block.parameters.get("ELSET", "")
+    if name:
+        model.element_sets.setdefault(model.name_of(name, model.element_sets), []).extend(numbers)
+    model.elements.append((kind, numbers, table[:, 1:]))
 
 
-def _read_set(model: _Model, block: _Block, name: str, sets: dict[str, list[int | str]]) -> None:
-    members = sets.setdefault(block.parameters.get(name, ""), [])
+def _read_set(model: _Model, block: _Block, key: str, sets: dict[str, list[int | str]]) -> None:
+    name = model.name_of(block.parameters.get(key, ""), sets)
+    members = sets.setdefault(name, [])
+    if key == "NSET" and "ELSET" in block.parameters:
+        model.of_elements.append((block.line, name, block.parameters["ELSET"]))
     for line, values in block.rows:
         given = [each for each in values if each]
         if "GENERATE" in block.parameters:
@@ -144,12 +214,12 @@ def _read_set(model: _Model, block: _Block, name: str, sets: dict[str, list[int 
 
 def _generated(model: _Model, line: int, given: list[str]) -> range:
     try:
-        first, last, step = (*map(int, given), 1)[:3]
+        first, last, step = (*map(_whole_number, given), 1)[:3]
         found = range(first, last + 1, step)
     except ValueError as error:
         raise model.refuse(line, f"a generated set wants first, last and step: {error}") from None
-    if len(found) > 100_000_000:
-        raise model.refuse(line, f"a generated set has {len(found)} members")
+    if (n := (last - first) // step + 1) > _MOST_GENERATED:
+        raise model.refuse(line, f"a generated set has {n} members")
     return found
 
 
@@ -173,16 +243,19 @@ def _members(model: _Model, sets: dict[str, list[int | str]], name: str, above: 
     for each in sets[name]:
         if isinstance(each, int):
             yield each
-        elif each in above or each == name:
+            continue
+        other = model.name_of(each, sets)
+        if other in above or other == name:
             raise MeshError(f"{model.path}: the set '{name}' holds itself")
-        elif each not in sets:
+        if other not in sets:
             raise MeshError(f"{model.path}: the set '{name}' names '{each}', which is no set and no number")
-        else:
-            yield from _members(model, sets, each, (*above, name))
+        yield from _members(model, sets, other, (*above, name))
 
 
 def _node_sets(model: _Model) -> dict[str, Int64Array]:
     found: dict[str, Int64Array] = {}
+    for line, name, elements in model.of_elements:
+        model.node_sets[name] += _nodes_of(model, line, elements)
     for name in model.node_sets:
         numbers = list(_members(model, model.node_sets, name))
         strange = next((each for each in numbers if each not in model.number), None)
@@ -192,14 +265,28 @@ def _node_sets(model: _Model) -> dict[str, Int64Array]:
     return found
 
 
+def _nodes_of(model: _Model, line: int, name: str) -> list[int]:
+    """Return the nodes of the elements of a set."""
+    known = model.name_of(name, model.element_sets)
+    if known not in model.element_sets:
+        raise model.refuse(line, f"is of the nodes of the element set '{name}', which is not there")
+    wanted = set(_members(model, model.element_sets, known))
+    return [
+        node
+        for _, numbers, nodes in model.elements
+        for number, row in zip(numbers, nodes.tolist(), strict=True)
+        if number in wanted
+        for node in row
+    ]
+
+
 def _cells(model: _Model) -> Iterator[Cells]:
     """Yield the elements as cells, each block with its part of every set; unknown numbers in a set are refused."""
     wanted = {name: set(_members(model, model.element_sets, name)) for name in model.element_sets}
-    known = {number for _, numbers, _, _ in model.elements for number in numbers}
     for name, some in wanted.items():
-        if some - known:
-            raise MeshError(f"{model.path}: the set '{name}' names element {min(some - known)}, which is not there")
-    for kind, numbers, nodes, group in model.elements:
+        if strange := some - model.known:
+            raise MeshError(f"{model.path}: the set '{name}' names element {min(strange)}, which is not there")
+    for kind, numbers, nodes in model.elements:
         try:
             placed = np.array([[model.number[node] for node in row] for row in nodes.tolist()], np.int64)
         except KeyError as error:
@@ -207,8 +294,6 @@ def _cells(model: _Model) -> Iterator[Cells]:
             raise MeshError(
                 f"{model.path}: element {numbers[row]} names node {error.args[0]}, which is not there"
             ) from None
-        members = {
-            name: np.array([k for k, number in enumerate(numbers) if number in some], np.int64)
-            for name, some in wanted.items()
-        }
-        yield Cells(kind, placed.reshape(len(numbers), nodes.shape[1]), (group,) if group else (), members)
+        places = ((name, [k for k, number in enumerate(numbers) if number in some]) for name, some in wanted.items())
+        members = {name: np.array(found, np.int64) for name, found in places if found}
+        yield Cells(kind, placed.reshape(len(numbers), nodes.shape[1]), members)

@@ -10,6 +10,7 @@ import numpy as np
 
 from trocar.services.meshes.cells import Cells, surface_of
 from trocar.services.meshes.errors import MeshError
+from trocar.services.meshes.msh_rows import judge_rows
 from trocar.services.meshes.surface_data import SurfaceData
 
 _TAIL_BYTES = 1 << 12
@@ -53,7 +54,7 @@ def read_msh(path: Path) -> SurfaceData:
 
 
 def _judge(path: Path) -> None:
-    """Refuse a file that does not end as it must, or that is of a version that is not read."""
+    """Refuse a file that does not end as it must, is of another version, or holds other rows than it says."""
     with path.open("rb") as file:
         said = _FORMAT.search(file.read(_TAIL_BYTES))
         if said is None:
@@ -66,3 +67,5 @@ def _judge(path: Path) -> None:
     if not tags or not tags[-1].startswith(b"End"):
         last = f", its last section is '${tags[-1].decode()}'" if tags else ""
         raise MeshError(f"{path}: the file is cut off, it does not end with a '$End' of a section{last}")
+    if said[2] == b"0":
+        judge_rows(path, version if "." in version else f"{version}.0", path.read_bytes())

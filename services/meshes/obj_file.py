@@ -18,8 +18,8 @@ from trocar.services.meshes.file_kind import plain_text
 from trocar.services.meshes.surface_data import SurfaceData
 
 _TRIANGLE_BYTES = 6
-"""Of the shortest in a text: three corners, or one more of a face."""
-_NO_VERTEX = -1
+"""Least of a text that a triangle takes: a blank and a digit for each of three corners, or for one more of a face."""
+_NO_VERTEX = -1  # in the place of a number that is at least 0
 
 
 def read_obj(path: Path) -> SurfaceData:

@@ -20,7 +20,8 @@ from trocar.services.meshes.file_kind import READABLE
 Array = np.ndarray[Any, np.dtype[Any]]
 COORDINATE_MAX_M = 1e9
 """Of a coordinate: beyond, the file is broken, and squares of lengths soon are not numbers."""
-_MODULE = "trocar.services.meshes.foreign"
+READER = "trocar.services.meshes.foreign"
+"""The module that is run in another process."""
 
 
 def read_surface(path: Path, units: str, actions: list[str] | None = None) -> TriangleMesh:
@@ -42,7 +43,7 @@ def read_surface(path: Path, units: str, actions: list[str] | None = None) -> Tr
         raise MeshError(f"{path}: cannot read '{path.suffix}' files; readable: {', '.join(READABLE)}")
     judge_place(path)
     try:
-        told, vertices, triangles, members = ask_once(_MODULE, "read", path)
+        told, vertices, triangles, members = ask_once(READER, "read", path)
         done, sets = json.loads(told)
         named = _named(_array(members), sets)
         mesh = _mesh(path, (_array(vertices), _array(triangles), named), METRES_PER_UNIT[units])

@@ -9,12 +9,11 @@ import numpy as np
 
 from trocar.services.meshes.announced import cut_off, judge_counts
 from trocar.services.meshes.errors import MeshError
-from trocar.services.meshes.file_kind import plain_text
+from trocar.services.meshes.file_kind import STL_HEADER, STL_TRIANGLE, plain_text
 from trocar.services.meshes.surface_data import DoubleArray, SurfaceData
 
-_HEADER_BYTES, _TRIANGLE_BYTES = 84, 50
 _TEXT_BYTES = 1000
-"""That no triangle of a text takes."""
+"""More than any triangle of a text takes: twelve numbers of at most 25 characters, words and blanks."""
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _BLANKS = b"\0 \t\r\n"
 _NUMBER = rb"([-+.\deE]+|[-+]?(?:nan|inf)\w*)"
@@ -30,16 +29,16 @@ def read_binary_stl(path: Path) -> SurfaceData:
     """
     size = path.stat().st_size
     with path.open("rb") as file:
-        announced = int.from_bytes(file.read(_HEADER_BYTES)[80:], "little")
-        held = max(0, size - _HEADER_BYTES) // _TRIANGLE_BYTES
+        announced = int.from_bytes(file.read(STL_HEADER + 4)[STL_HEADER:], "little")
+        held = max(0, size - STL_HEADER - 4) // STL_TRIANGLE
         if held < announced:
             raise cut_off(path, announced, "triangles", held)
         judge_counts(path, announced)
-        records = np.frombuffer(file.read(_TRIANGLE_BYTES * announced), _RECORD)
+        records = np.frombuffer(file.read(STL_TRIANGLE * announced), _RECORD)
         rest = file.read()
     actions = []
     if rest:
-        if len(rest) % _TRIANGLE_BYTES == 0 and rest.strip(_BLANKS):
+        if len(rest) % STL_TRIANGLE == 0 and rest.strip(_BLANKS):
             wanted = size - len(rest)
             raise MeshError(
                 f"{path}: announces {announced} triangles, which take {wanted} bytes, and has {size}: what is the rest?"

@@ -20,7 +20,7 @@ _KINDS = {
     24: "tetra10", 25: "hexahedron20", 26: "wedge15", 28: "quad9", 34: "triangle7",
 }  # fmt: skip
 """Kinds of cells by VTK's numbers; those of strips are several triangles."""
-_STRIP, _PIXEL = 6, 8
+_STRIP, _PIXEL = 6, 8  # by the numbers of VTK's cells
 _MOST_VALUES = 64
 """Different numbers up to which an array tells groups; beyond, it numbers things."""
 

@@ -71,7 +71,7 @@ class Physics:
         self.simulation.inside_watch.tell = partial(self._process.log.warning, "%s")
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
-        self._outputs.settle()  # finds in which volume the catheter begins, by the whole wall; a restart need not
+        self._outputs.measure_inserted()  # finds by the whole wall where the catheter begins; a restart need not
         kept = (self._scene, self.simulation.scene, self._duct, self.simulation.duct.reduced)
         self._snapshot = Snapshot(self.simulation, kept)
         watched = {"q": self.simulation.duct.state.q, "catheter": self.simulation.catheter.state.position_m}
@@ -96,7 +96,7 @@ class Physics:
                 self.republish(frame)
             return
         steps, self._partial_ticks = divmod(self._partial_ticks, length)
-        if not self._reader.take(frame.body):
+        if not self._reader.read_contacts(frame.body):
             self._process.health.gauges["refused_contacts"] = float(self._reader.refused)
             return
         read_ns = time.monotonic_ns() - began_ns
@@ -164,7 +164,7 @@ class Physics:
 
     def do_side_work(self) -> None:
         """Run background work between two ticks."""
-        if not (self._outputs.settle() or self._poll_quality_orders() or self._journal.send_if_due()):
+        if not (self._outputs.measure_inserted() or self._poll_quality_orders() or self._journal.send_if_due()):
             self._process.health.do_a_piece()
 
     def _poll_quality_orders(self) -> bool:
@@ -235,7 +235,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     for frame in follow_topic(process.bus, "haptics.contacts", meter, process.stop, physics.do_side_work):
         if frame is not None:
             ticks = clock.steps(frame.body.tick)
-            if not (replay and replay.take(frame)):
+            if not (replay and replay.replay_frame(frame)):
                 physics.advance(frame, ticks)
             process.health.change("running")
 

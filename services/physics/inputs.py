@@ -60,7 +60,7 @@ class ContactsReader:
         )
         self._bytes = flat_view(self._table.tools).cast("B")
 
-    def take(self, body: ToolContacts) -> bool:
+    def read_contacts(self, body: ToolContacts) -> bool:
         """Copy `body` into `tools`; return False, without copying, if it names an unknown target."""
         if body.holds and not all(map(self._is_there, body.holds)):
             self.refused += 1
@@ -79,7 +79,7 @@ class ContactsReader:
 
     def compile_kernels(self) -> None:
         """Read an empty frame as it comes off the wire."""
-        self.take(ToolContacts(tick=0, tools=tool_table(())))
+        self.read_contacts(ToolContacts(tick=0, tools=tool_table(())))
 
     def _is_there(self, hold: HoldBody) -> bool:
         return hold.tool < N_TOOLS and hold.target < self._most[hold.target_kind]

@@ -117,7 +117,7 @@ class Outputs:
         """Discard rarely measured values, because the scene has restarted."""
         self._inserted_m, self._inserted_is_old, self._said = 0.0, True, None
 
-    def settle(self) -> bool:
+    def measure_inserted(self) -> bool:
         """Measure values that are only displayed, between two ticks, for the next frames; return whether it was due."""
         if not self._inserted_is_old:
             return False

@@ -37,7 +37,7 @@ class ReplayedPhysics:
         self._physics, self._schedule = physics, schedule
         self._stepped: Frame | None = None
 
-    def take(self, frame: Frame) -> bool:
+    def replay_frame(self, frame: Frame) -> bool:
         """Step with a frame of the recording; return False for any other frame."""
         tick = frame.body.tick
         intake = self._schedule.intakes.get(tick)

@@ -102,7 +102,7 @@ class Recording:
         self._picture.drawing = SceneDrawing(scene, duct)
         self._picture.drawing.warm_up()
 
-    def take(self, frames: Iterable[Frame]) -> None:
+    def append_frames(self, frames: Iterable[Frame]) -> None:
         """Append `frames`."""
         for frame in map(as_state, frames):
             self._writer.write(frame)
@@ -114,11 +114,11 @@ class Recording:
             self.look_at_disk()
             time.sleep(min(left_ns * 1e-9, _LOOK_S) if self._writer.pending_bytes else left_ns * 1e-9)
 
-    def turn(self, now_ns: int) -> None:
+    def write_due(self, now_ns: int) -> None:
         """Draw and write what is due, and report the state."""
         for drawn in self._picture.draw(now_ns):
             self._writer.draw(*drawn)
-        self._writer.turn(now_ns)
+        self._writer.end_old_chunk(now_ns)
         if now_ns < self._due_ns:
             return
         self._due_ns = now_ns + _TELL_NS
@@ -145,7 +145,7 @@ class Recording:
             self._due_ns = 0
 
     def _report_losses(self, now_ns: int) -> None:
-        new = self._losses.update(counts(self._process.bus.reports(), self._writer.lost), now_ns)
+        new = self._losses.find_new(counts(self._process.bus.reports(), self._writer.lost), now_ns)
         for loss in new:
             self._writer.note(loss)
         for loss in self._losses.due_reports(new, now_ns):
@@ -187,21 +187,21 @@ def run(process: Process) -> None:
     try:
         for _tick in ticks(meter, process.stop, recording.sleep_until):
             began_ns = time.monotonic_ns()
-            take(bus, read, recording, process.health.send_if_due)
+            append_received(bus, read, recording, process.health.send_if_due)
             taken_ns = time.monotonic_ns()
-            recording.take(bus.sample(sampled, taken_ns + _PATIENCE_NS).values())
+            recording.append_frames(bus.sample(sampled, taken_ns + _PATIENCE_NS).values())
             sampled_ns = time.monotonic_ns()
-            recording.turn(sampled_ns)
+            recording.write_due(sampled_ns)
             meter.stages_ns = (taken_ns - began_ns, sampled_ns - taken_ns, time.monotonic_ns() - sampled_ns)
             process.health.send_if_due()
         end_s = time.monotonic() + _LAST_S
-        while take(bus, read, recording, process.health.send_if_due) and time.monotonic() < end_s:
+        while append_received(bus, read, recording, process.health.send_if_due) and time.monotonic() < end_s:
             pass
     finally:
         recording.close()
 
 
-def take(bus: Bus, topics: Iterable[str], recording: Recording, beat: Callable[[], object]) -> bool:
+def append_received(bus: Bus, topics: Iterable[str], recording: Recording, beat: Callable[[], object]) -> bool:
     """Append received frames, of each topic at most `_AT_ONCE`; return whether there may be more.
 
     After a long delay there are many frames. `beat` sends heartbeats while catching up, as otherwise the supervisor
@@ -214,7 +214,7 @@ def take(bus: Bus, topics: Iterable[str], recording: Recording, beat: Callable[[
             batch = bus.batch(topic)
             if batch is None:
                 break
-            recording.take(batch.frames())
+            recording.append_frames(batch.frames())
             beat()
         else:
             more = True

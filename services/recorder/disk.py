@@ -95,7 +95,7 @@ class RecordingFile:
         """Append a chunk, which must not be filled any further."""
         self._hand_over(chunk.size, lambda: self._write_chunk(chunk))
 
-    def check(self) -> None:
+    def raise_fault(self) -> None:
         """Raise RecordingError if queued data could not be written."""
         if self._error is not None:
             raise RecordingError(f"{self.path}: {_why(self._error)}")

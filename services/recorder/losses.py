@@ -35,7 +35,7 @@ class Losses:
         self._unsaid: dict[tuple[str, str], Loss] = {}
         self._said_ns: dict[tuple[str, str], int] = {}
 
-    def update(self, counts: Mapping[tuple[str, str], int], now_ns: int) -> list[Loss]:
+    def find_new(self, counts: Mapping[tuple[str, str], int], now_ns: int) -> list[Loss]:
         """Return the losses since the last call, given counts of frames by topic and reason."""
         since_ns, self._looked_ns = self._looked_ns, now_ns
         new = Counter(counts) - self.total

@@ -89,9 +89,9 @@ class RecordingWriter:
         if self._chunk.size > CHUNK_BYTES:
             self._end_chunk()
 
-    def turn(self, now_ns: int) -> None:
+    def end_old_chunk(self, now_ns: int) -> None:
         """End a chunk that is old enough. Raises RecordingError if writing has failed."""
-        self._file.check()
+        self._file.raise_fault()
         if now_ns - self._chunk_began_ns > CHUNK_NS:
             self._end_chunk()
             self._chunk_began_ns = now_ns

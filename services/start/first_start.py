@@ -11,17 +11,15 @@ import functools
 import hashlib
 import os
 import sys
-import time
 from importlib import metadata
 from pathlib import Path
 
+from trocar.services.files.cache_directory import forget_unused
 from trocar.services.kernels import kernel_archive, kernel_cache
 from trocar.services.kernels.processor import target_name
 
 NOTICE = "first start: compiles for about a minute; later ones take seconds"
 _FOLDERS = "mechanics", "physics", "haptics", "gateway"
-#: Marks of other sources are removed after so long: a quarter of a year, after which nobody goes back to them.
-_KEPT_S = 90.0 * 86400.0
 
 
 def notice() -> str:
@@ -44,9 +42,7 @@ def leave_mark() -> None:
     with contextlib.suppress(OSError):  # then the next start only says more than it needs to
         mark.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         mark.touch()
-        for other in mark.parent.glob("complete-*"):
-            if time.time() - other.stat().st_mtime > _KEPT_S:
-                other.unlink()
+        forget_unused(mark.parent.glob("complete-*"))
 
 
 def _came_with_package() -> bool:

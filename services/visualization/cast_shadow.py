@@ -18,9 +18,9 @@ from trocar.services.visualization.picture import Picture, PictureLayout
 from trocar.services.visualization.tissue import Bytes
 
 _LAMP_AT = np.array([-60.0, 35.0, 110.0], np.float32)  # across both usual tools, so that neither hides its own shadow
-_SUN = _LAMP_AT / np.linalg.norm(_LAMP_AT)
-_ACROSS = np.linalg.qr(np.column_stack([_SUN, np.eye(3, dtype=np.float32)[:, :2]]))[0][:, 1:]
-_SEEN = np.column_stack([_ACROSS, _SUN])
+SUN = _LAMP_AT / np.linalg.norm(_LAMP_AT)
+ACROSS = np.linalg.qr(np.column_stack([SUN, np.eye(3, dtype=np.float32)[:, :2]]))[0][:, 1:]
+_SEEN = np.column_stack([ACROSS, SUN])
 _LAMP, _SHARPEST_M = 0.2, 0.5e-3
 """Width of the lamp over its distance; smallest width of an edge, resolved by the vertices."""
 _DARK = 0.6  # as a bright lamp leaves it: judged by eye, as the lamp's width is

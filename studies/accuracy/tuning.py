@@ -158,9 +158,9 @@ def tune(scene: SceneModel, budget_us: float, bench: TrialBench, tell: Tell) -> 
     tell("reference", 0, 1)
     reference = bench.run(best, 0.5 * TICK_S)
     surely, perhaps = _ranked(best, bench, reference, tell)
-    rungs = _measured(_walk(best, surely), bench, reference, tell)
+    rungs = _measured(walk_down(best, surely), bench, reference, tell)
     if perhaps and not _fits(rungs, budget_us):
-        rungs = _measured(_walk(best, [*surely, *perhaps]), bench, reference, tell)
+        rungs = _measured(walk_down(best, [*surely, *perhaps]), bench, reference, tell)
     last = next((k for k, rung in enumerate(rungs) if rung.cost.median_us <= budget_us), None)
     rungs = rungs[: (_cheapest(rungs) if last is None else last) + 1]
     return Tuned(rungs, _ladder(rungs[-1].scene, bench, reference, tell), _fits(rungs, budget_us))
@@ -215,7 +215,7 @@ def _best_first(steps: Sequence[Step], worth: Mapping[str, float]) -> list[Step]
     return sorted((step for step in steps if step.name in worth), key=lambda step: -worth[step.name])
 
 
-def _walk(best: SceneModel, order: Sequence[Step]) -> list[tuple[tuple[Step, ...], SceneModel]]:
+def walk_down(best: SceneModel, order: Sequence[Step]) -> list[tuple[tuple[Step, ...], SceneModel]]:
     """Return the scenes on the way down; a step back up, to finer than what is already given up, is left out."""
     taken: tuple[Step, ...] = ()
     way = [(taken, best)]

@@ -6,13 +6,14 @@ import asyncio
 import base64
 import json
 import signal
+import socket
 import struct
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -114,14 +115,52 @@ def test_a_viewer_gets_new_frames_at_its_own_rate_and_can_send_nothing(rig_file:
 
 
 def test_without_a_rig_it_says_so(trocar: Trocar, rig_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trocar.services.cli.foxglove._SILENT_S", 0.1)
+    monkeypatch.setattr("trocar.services.cli.foxglove.SILENT_S", 0.1)
     ran = trocar("foxglove", "--rig", rig_file)
     assert (ran.code, ran.sentence()) == (3, "nothing was heard: is a rig running on this transport?")
 
 
 def test_it_shows_nothing_to_a_network_in_clear_unless_told(trocar: Trocar, rig_file: Path) -> None:
-    with gateway_speaks(rig_file):
-        ran = trocar("foxglove", "--rig", rig_file, "--host", "0.0.0.0")
+    ran = trocar("foxglove", "--rig", rig_file, "--host", "0.0.0.0")
     assert ran.code == 2
     wanted = "--host 0.0.0.0 would show the rig to a network in clear: name the directory of `trocar keys`"
     assert ran.sentence().startswith(wanted)
+
+
+def test_without_its_package_it_says_so_before_it_looks_for_a_rig(
+    trocar: Trocar, rig_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    ran = trocar("foxglove", "--rig", rig_file)
+    assert ran.sentence().startswith("trocar foxglove needs the package 'foxglove': ")
+    assert "foxglove-sdk" in ran.sentence()
+
+
+async def _send(address: str, data: bytes | str) -> str:
+    """Send something to a server that wants none of it; return what it says to that."""
+    async with websockets.connect(address, subprotocols=[websockets.Subprotocol(_PROTOCOL)]) as viewer:
+        await viewer.send(data)
+        while True:
+            said = await asyncio.wait_for(viewer.recv(), PATIENCE_S)
+            if not isinstance(said, bytes) and json.loads(said)["op"] == "status":
+                return str(json.loads(said)["message"])
+
+
+async def _look_at_once(address: str, viewers: int) -> list[Any]:
+    return await asyncio.gather(*(_look(address, 5) for _ in range(viewers)))
+
+
+def test_strange_silent_and_many_viewers_take_nothing_from_a_good_one(rig_file: Path) -> None:
+    advertised = {"op": "advertise", "channels": [{"id": 1, "topic": "/x", "encoding": "json", "schemaName": "y"}]}
+    wanted = {"op": "setParameters", "parameters": [{"name": "a", "value": 1}]}
+    with gateway_speaks(rig_file), served(rig_file) as address, ExitStack() as kept:
+        place = "127.0.0.1", int(address.rpartition(":")[2])
+        for rubbish in (b"", b"GET / HTTP/1.0\r\n\r\n", b"\xff" * 4096):
+            for _ in range(10):
+                kept.enter_context(socket.create_connection(place)).sendall(rubbish)
+        assert "does not support" in asyncio.run(_send(address, json.dumps(advertised)))
+        assert "does not support" in asyncio.run(_send(address, json.dumps(wanted)))
+        for strange in ("no JSON", "{", "x" * 1_000_000, b"\x01" * 100):
+            assert asyncio.run(_send(address, strange))
+        looked = asyncio.run(_look_at_once(address, 20))
+    assert all(len(messages) == 5 for _, _, messages in looked)

@@ -28,12 +28,6 @@ from trocar.services.supervisor.page.metrics import RigSource, registry
 TICK_NS = 10 * MS
 
 
-@pytest.fixture
-def directory(tmp_path: Path) -> Path:
-    tmp_path.chmod(0o700)
-    return tmp_path
-
-
 def eventually(condition: Callable[[], bool], seconds: float = 60.0) -> None:
     until = time.monotonic() + seconds
     while not condition():
@@ -56,10 +50,10 @@ def _ticks(path: Path) -> int:
     return 0 if flight is None else int(flight.column("tick").max(initial=0))
 
 
-def test_the_floor_watches_every_core_and_ends_with_who_started_it(directory: Path) -> None:
-    starter = _floor(directory, parent="pass")
+def test_the_floor_watches_every_core_and_ends_with_who_started_it(private_folder: Path) -> None:
+    starter = _floor(private_folder, parent="pass")
     cores = sorted(os.sched_getaffinity(0))
-    rings = [directory / f"floor{core}.flight" for core in cores]
+    rings = [private_folder / f"floor{core}.flight" for core in cores]
     eventually(lambda: all(_ticks(ring) > 20 for ring in rings))
     flight = read_ring(rings[0])
     assert flight is not None
@@ -71,11 +65,11 @@ def test_the_floor_watches_every_core_and_ends_with_who_started_it(directory: Pa
     eventually(lambda: not Path(f"/proc/{flight.pid}").exists() or "Z" in _state(flight.pid))
 
 
-def test_who_looks_has_every_core_watched_and_leaves_nothing(directory: Path) -> None:
-    rings = [directory / f"floor{core}.flight" for core in sorted(os.sched_getaffinity(0))]
-    with watching(directory):
+def test_who_looks_has_every_core_watched_and_leaves_nothing(private_folder: Path) -> None:
+    rings = [private_folder / f"floor{core}.flight" for core in sorted(os.sched_getaffinity(0))]
+    with watching(private_folder):
         eventually(lambda: all(_ticks(ring) > 5 for ring in rings))
-    assert not list(directory.glob("*.flight"))
+    assert not list(private_folder.glob("*.flight"))
 
 
 def _state(pid: int) -> str:
@@ -179,17 +173,17 @@ core_sleepers.main(Path(sys.argv[1]))
 
 @pytest.mark.skipif(not Path("/proc/self/schedstat").is_file(), reason="this kernel does not count waiting")
 @pytest.mark.skipif(not fifo_is_granted(), reason="this system refuses SCHED_FIFO")
-def test_who_waits_for_its_core_does_not_blame_the_machine(directory: Path) -> None:
+def test_who_waits_for_its_core_does_not_blame_the_machine(private_folder: Path) -> None:
     core = max(os.sched_getaffinity(0))
-    watcher = subprocess.Popen([sys.executable, "-c", _ORDINARY, str(directory)])
+    watcher = subprocess.Popen([sys.executable, "-c", _ORDINARY, str(private_folder)])
     try:
-        eventually(lambda: _ticks(directory / f"floor{core}.flight") > 5, 60.0)
+        eventually(lambda: _ticks(private_folder / f"floor{core}.flight") > 5, 60.0)
         subprocess.run([sys.executable, "-c", _HOG, str(core)], check=True)
-        eventually(lambda: _longest_wait_ns(directory / f"floor{core}.flight") > 200 * MS)
+        eventually(lambda: _longest_wait_ns(private_folder / f"floor{core}.flight") > 200 * MS)
     finally:
         watcher.kill()
         watcher.wait()
-    flight = read_ring(directory / f"floor{core}.flight")
+    flight = read_ring(private_folder / f"floor{core}.flight")
     assert flight is not None
     row = int((flight.column("ended_ns") - flight.column("began_ns")).argmax())
     assert flight.column("ended_ns")[row] - flight.column("due_ns")[row] > 200 * MS, "so late it was"

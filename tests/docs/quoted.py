@@ -114,6 +114,17 @@ def _figures_of_chain() -> Iterator[tuple[str, str]]:
     yield "chain_waits", f"{rows['as the rig, the gateway waits: model at the gateway']['value']:.0f}"
 
 
+def _figures_of_batches() -> Iterator[tuple[str, str]]:
+    rows = _rows("batch")
+    for name, row in (
+        ("batch_one", "steps of all scenes, 1 scene in one process"),
+        ("batch_64", "steps of all scenes, 64 scenes in one process"),
+        ("batch_scene_mb", "each further scene"),
+        ("batch_process_mb", "each further process"),
+    ):
+        yield name, f"{rows[row]['value']:.0f}"
+
+
 def figures() -> dict[str, str]:
     """Return all figures by their name, as the committed tables have them."""
     cold, first = _rows("start-cold"), _rows("first-start")
@@ -126,10 +137,12 @@ def figures() -> dict[str, str]:
         "first_clone_s": f"{first['clone: first start to RUNNING']['value']:.0f}",
         "warm_s": _digits(_rows("start-warm")["warm start to RUNNING"]["value"]),
     }
-    return found | dict(_figures_of_rig()) | dict(_figures_of_studies()) | dict(_figures_of_chain())
+    tables = _figures_of_rig, _figures_of_studies, _figures_of_chain, _figures_of_batches
+    return found | {name: figure for of_table in tables for name, figure in of_table()}
 
 
 README, FAST, STUDY = "README.md", "docs/explanation/fast-path.md", "docs/tutorials/first-study.md"
+ENVIRONMENTS = "docs/how-to/environments.md"
 QUOTES = (
     Quote(README, "the first start compiles, in {cold_s} s on two quiet cores"),
     Quote(README, "later starts take {warm_s} s."),
@@ -181,6 +194,11 @@ QUOTES = (
     Quote(STUDY, "force over an insertion 1 ms {long_error} % {long_us} timestep"),
     Quote(STUDY, "force over an insertion 0.5 ms {short_error} % {short_us} The"),
     Quote(STUDY, "steps of 0.5 ms take {step_times} times the time of steps of 1 ms and have {step_part} % of the"),
+    Quote(
+        ENVIRONMENTS,
+        "On one core 64 scenes take {batch_64} steps a second together, one scene {batch_one}; a further scene takes "
+        "{batch_scene_mb} MB, a further process {batch_process_mb} MB",
+    ),
 )  # fmt: skip
 
 

@@ -168,6 +168,11 @@ def test_what_a_scene_refuses_is_refused_and_the_batch_goes_on(jobs: int) -> Non
     assert made.call("time_s") == (0.0, 0.0), "nothing has moved"
     assert np.isfinite(made.step(np.zeros_like(bad))[0]).all()
     made.close()
+    made.close()
+    with pytest.raises(ConfigError, match="step: the batch is closed"):
+        made.step(made.action_space.sample())
+    with pytest.raises(ConfigError, match="reset: the batch is closed"):
+        made.reset()
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,11 @@ from pyarrow import parquet
 
 from tests.envs.walks import SMALL
 from trocar.envs.cloning import read_demonstrations
-from trocar.envs.lerobot import CHUNK, export_dataset
+from trocar.envs.lerobot import CHUNK, _ImageShades, export_dataset
 from trocar.envs.rollouts import rollouts
 from trocar.review.commands.verbs import Form, export
 from trocar.services.recordings.errors import RecordingError
-from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.errors import ConfigError, UserError
 
 #: An environment with LeRobot's package, as docs/how-to/environments.md says how to make it: it takes 6 GB.
 LEROBOT = Path(__file__).resolve().parents[2] / "build" / "lerobot" / "bin" / "python"
@@ -85,6 +86,69 @@ def test_its_film_has_a_picture_for_each_moment(recordings: list[Path], tmp_path
     np.testing.assert_allclose(times_s, columns(tmp_path / "set")["timestamp"], atol=1e-3)
     feature = info(tmp_path / "set")["features"]["observation.images.scope"]
     assert (feature["dtype"], feature["shape"], feature["info"]["video.fps"]) == ("video", [480, 640, 3], 10)
+
+
+def test_statistics_of_pictures_are_those_of_all_their_values() -> None:
+    random = np.random.default_rng(3)
+    images = [random.integers(low, low + 90, (7, 5, 3), np.uint8) for low in (0, 0, 40, 165)]
+    parts = [_ImageShades(images[0].shape) for _ in range(2)]
+    parts[0].add(images[:1])
+    parts[1].add(images[1:])
+    parts[0].add_all(parts[1])
+    found, values = parts[0].stats(), np.stack(images).reshape(-1, 3) / 255.0
+    for name, wanted in {
+        "min": values.min(axis=0), "max": values.max(axis=0), "mean": values.mean(axis=0), "std": values.std(axis=0),
+        "q01": np.quantile(values, 0.01, axis=0), "q50": np.quantile(values, 0.5, axis=0),
+        "q90": np.quantile(values, 0.9, axis=0),
+    }.items():  # fmt: skip
+        np.testing.assert_allclose(found[name], wanted.reshape(3, 1, 1), atol=1e-12, err_msg=name)
+    np.testing.assert_array_equal(found["count"], [4])
+
+
+def damaged(recording: Path, folder: Path) -> Path:
+    """Return a recording whose middle was lost."""
+    data, place = recording.read_bytes(), folder / "damaged.mcap"
+    place.write_bytes(data[: len(data) // 3] + bytes(len(data) // 3) + data[2 * (len(data) // 3) :])
+    return place
+
+
+@pytest.mark.parametrize("is_missing", [False, True])
+def test_of_a_set_that_fails_in_the_middle_nothing_stays(
+    recordings: list[Path], tmp_path: Path, is_missing: bool
+) -> None:
+    wrong = tmp_path / "none.mcap" if is_missing else damaged(recordings[1], tmp_path)
+    (tmp_path / "out").mkdir()
+    with pytest.raises(UserError, match=re.escape(str(wrong))):
+        export_dataset([recordings[0], wrong], tmp_path / "out" / "set", fps=50)
+    assert list((tmp_path / "out").iterdir()) == []
+    export_dataset(recordings[:1], tmp_path / "out" / "set", fps=50)
+    assert [each.name for each in (tmp_path / "out").iterdir()] == ["set"]
+
+
+@pytest.mark.parametrize("fps", [7, 30, 33])
+def test_a_rate_that_does_not_divide_the_recordings_is_held_on_the_average(
+    recordings: list[Path], tmp_path: Path, fps: int
+) -> None:
+    export_dataset(recordings, tmp_path / "set", fps=fps, task="Führe ein – 挿入 🩺")
+    usual = export_dataset(recordings, tmp_path / "usual", fps=50)
+    held, every = columns(tmp_path / "set"), columns(tmp_path / "usual")
+    assert "2 episodes" in usual
+    assert len(held["index"]) == pytest.approx(len(every["index"]) * fps / 50, abs=4)
+    assert parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet").to_pylist()[0] == {
+        "task_index": 0,
+        "__index_level_0__": "Führe ein – 挿入 🩺",
+    }
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [({"fps": 0}, "fps: must be a whole number"), ({"fps": 2.5}, "fps: must be"), ({"task": "a\udcff"}, "task: 'a")],
+)
+def test_an_argument_that_is_none_is_a_sentence(
+    recordings: list[Path], tmp_path: Path, options: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(ConfigError, match=said):
+        export_dataset(recordings, tmp_path / "set", **{"fps": 50} | options)
 
 
 def test_the_older_layout_has_a_file_for_each_episode(recordings: list[Path], tmp_path: Path) -> None:

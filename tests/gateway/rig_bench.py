@@ -21,6 +21,7 @@ from trocar.services.runtime.bus.zmq_bus import ZmqBus
 from trocar.services.runtime.config import config
 
 RATE_LIMIT_N_S = 200.0
+FORCE_N = 1.0
 START_TIMEOUT_S = 400.0  # compiling every kernel on a busy machine
 
 #: Friction as large as a file may name: a force that no hand has paid for is not bounded by less (`energy_bound`).
@@ -154,3 +155,13 @@ def assert_never_a_kick(frames: list[Frame], ttl_s: float = 0.02) -> None:
     known = punctual & (ages_s >= 0.0) & np.append(True, written[:-1] <= bound[:-1] + 1e-9)
     assert known.sum() > 100
     assert (written[known] <= bound[known] + 1e-9).all()
+
+
+def is_felt(instrument: Any) -> bool:
+    """Return whether an arm applies all of `FORCE_N`."""
+    return bool(np.linalg.norm(instrument.applied_force_n) > 0.99 * FORCE_N)
+
+
+def is_out(instrument: Any) -> bool:
+    """Return whether an arm is a fault, and limp."""
+    return instrument.state == "fault" and not any(instrument.applied_force_n)

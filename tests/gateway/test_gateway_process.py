@@ -5,21 +5,15 @@ import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, assert_never_a_kick, forces
+from tests.gateway.rig_bench import FORCE_N, RATE_LIMIT_N_S, Bench, assert_never_a_kick, forces, is_felt
 from tests.patience import PATIENCE_S
 from trocar.services.messages.exit_codes import ExitCode
 
-FORCE_N = 2.0
 TTL_S = 0.02
-
-
-def _felt(instrument: Any) -> bool:
-    return bool(np.linalg.norm(instrument.applied_force_n) > 0.99 * FORCE_N)
 
 
 @pytest.fixture
@@ -32,18 +26,18 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 def test_a_frozen_and_a_dead_haptics_leave_a_limp_arm_and_force_comes_back_by_engagement(bench: Bench) -> None:
     bench.gateway()
     haptics = bench.haptics(FORCE_N)
-    bench.until(_felt)
+    bench.until(is_felt)
     os.kill(haptics.pid, signal.SIGSTOP)
     _assert_goes_limp(bench)
     os.kill(haptics.pid, signal.SIGCONT)
     bench.until(lambda i: i.state == "engaging")
-    bench.until(_felt)
+    bench.until(is_felt)
     haptics.kill()
     _assert_goes_limp(bench)
     haptics.wait()
     bench.haptics(FORCE_N)
     bench.until(lambda i: i.state == "engaging")
-    bench.until(_felt)
+    bench.until(is_felt)
     assert_never_a_kick(bench.frames)
 
 
@@ -61,14 +55,14 @@ def _assert_goes_limp(bench: Bench) -> None:
 def test_a_safe_stop_is_limp_until_armed_and_a_gateway_ends_when_asked(bench: Bench) -> None:
     gateway = bench.gateway()
     bench.haptics(FORCE_N)
-    bench.until(_felt)
+    bench.until(is_felt)
     bench.tell(safe_stop=True)
     bench.until(lambda i: i.state == "ready")
     stopped = forces(bench.hear(200))
     np.testing.assert_array_equal(stopped[50:], 0.0)
     bench.tell(safe_stop=False)
     bench.until(lambda i: i.state == "active")
-    bench.until(_felt)
+    bench.until(is_felt)
     gateway.terminate()
     assert gateway.wait(PATIENCE_S) == 0
     bench.until(lambda i: not any(i.applied_force_n))  # let go at the rate limit, not dropped

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from tests.haptics.test_grasps import ACROSS_RAD, CLOSING_TICKS, FAR, OPEN_RAD, round_catheter
+from tests.kernels.signatures import compiled_signatures
 from tests.physics.conftest import SMALL, Rig, let_time_pass
 from trocar.protocol import Frame
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics.warm_up import warm_up
-from trocar.services.mechanics.compiled import KERNELS
 from trocar.services.scenes import load_duct, load_scene
 
 
@@ -26,10 +26,6 @@ def test_nothing_is_compiled_while_jaws_close_on_catheter_and_wall() -> None:
     assert json.loads(run.stdout.splitlines()[-1]) == {"compiled": [], "holds": True}
 
 
-def _signatures() -> set[str]:
-    return {f"{each.py_func.__qualname__} {types}" for each in KERNELS for types in each.signatures}
-
-
 def _run() -> None:
     """Print what haptics compiles after its warm-up, and whether jaws have held anything."""
     scene = load_scene(SMALL, [])
@@ -39,9 +35,9 @@ def _run() -> None:
     answer = rig.haptics.answer
 
     def watched(frame: Frame) -> None:
-        before = _signatures()
+        before = compiled_signatures()
         answer(frame)
-        compiled.update(_signatures() - before)
+        compiled.update(compiled_signatures() - before)
 
     rig.haptics.answer = watched  # type: ignore[method-assign]
     spy, junction = type(rig.gateway)(rig.hub, reads=["haptics.contacts"]), round_catheter(rig)

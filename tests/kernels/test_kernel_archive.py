@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -23,14 +24,23 @@ ASK = "from trocar.services.caller import outer; print(outer({}), sum(outer.stat
 TARGET = numba_target()
 
 
-@pytest.fixture
-def package(tmp_path: Path) -> Path:
-    """Return an installed package that came with its kernels, compiled in another folder by another cache."""
-    made, cache = make_checkout(tmp_path / "made"), tmp_path / "cache"
+@pytest.fixture(scope="module")
+def shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return an archive of kernels, compiled in another folder by another cache."""
+    folder = tmp_path_factory.mktemp("shipped")
+    made, cache = make_checkout(folder / "made"), folder / "cache"
     assert _run(made, cache, **TARGET)[0] == (20, 1)
     ship_kernels.share_indices(cache)
+    ship_kernels.pack(cache, _archive(made))
+    return _archive(made)
+
+
+@pytest.fixture
+def package(shipped: Path, tmp_path: Path) -> Path:
+    """Return an installed package that came with its kernels."""
     package = make_checkout(tmp_path / "package")
-    ship_kernels.pack(cache, _archive(package))
+    _archive(package).parent.mkdir()
+    shutil.copy(shipped, _archive(package))
     return package
 
 

@@ -175,7 +175,7 @@ def test_what_was_not_used_for_longest_is_forgotten_but_nothing_in_use(
     os.utime(tmp_path / f"{module}-19")
     locator = kernel_cache.Locator(tmp_path / f"{module}-new", 1)
     locator.ensure_cache_path()
-    kernel_cache._LOCK.release()
+    kernel_cache.settle()
     kept = sorted(path.name.rpartition("-")[2] for path in tmp_path.glob(f"{module}-*"))
     assert kept == ["00", "01", "02", "03", "04", "05", "19", "new"]
     assert (tmp_path / "trocar.services.mechanics.other-1").is_dir()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from trocar.services.mechanics.scenarios import insertion_scene
 from trocar.services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
 from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from trocar.services.scenes import build_scene
@@ -32,6 +33,11 @@ def small_scene():
 @pytest.fixture(scope="session")
 def small_duct(small_scene, cache_dir):
     return build_scene_duct(small_scene, cache_dir)
+
+
+@pytest.fixture(scope="session")
+def insertion_duct(cache_dir):
+    return build_scene_duct(insertion_scene(), cache_dir)
 
 
 @pytest.fixture

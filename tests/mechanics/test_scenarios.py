@@ -55,11 +55,6 @@ class Course:
 
 
 @pytest.fixture(scope="module")
-def insertion_duct(cache_dir):
-    return build_scene_duct(scenarios.insertion_scene(), cache_dir)
-
-
-@pytest.fixture(scope="module")
 def insertion(insertion_duct):
     return Course(scenarios.insertion(), insertion_duct, keep_books=True)
 

@@ -27,42 +27,46 @@ def state():
         "errors": (repr(sys.excepthook), numpy.geterr(), len(warnings.filters)),
     }
 
-before = state()
-import trocar
-{use}
-after = state()
-changes = {name: [before[name], after[name]] for name in before if before[name] != after[name]}
-print(json.dumps([changes, sorted(sys.modules)]))
+before, told = state(), []
+for use in sys.argv[1:]:
+    exec(use, {})
+    after = state()
+    told.append([{name: [before[name], after[name]] for name in before if before[name] != after[name]}, [*sys.modules]])
+print(json.dumps(told))
 """
+_IMPORT = "import trocar"
+Told = dict[str, tuple[dict[str, object], set[str]]]
 _SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 _USES = [
-    "trocar.Simulation",
+    "import trocar; trocar.Simulation",
     "from trocar import *",
     "import trocar.envs",
-    f"trocar.simulate(trocar.load_scene({str(_SMALL)!r})).step(trocar.Hands())",
+    f"import trocar; trocar.simulate(trocar.load_scene({str(_SMALL)!r})).step(trocar.Hands())",
 ]
 
 
-def _changes(use: str, folder: Path) -> tuple[dict[str, object], set[str]]:
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> Told:
+    """Return what one program is told after each use in turn: what differs from its beginning, and its modules."""
     # Threads as a stranger's program has them; kernels and bases are those of the other tests.
     left_out = {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"}
     environment = {name: value for name, value in os.environ.items() if name not in left_out}
     environment |= {"PYTHONPATH": str(Path(__file__).parents[2]), "OPENBLAS_NUM_THREADS": "2"}
-    program = _PROGRAM.replace("{use}", use)
+    folder, uses = tmp_path_factory.mktemp("program"), [_IMPORT, *_USES]
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False, cwd=folder, env=environment
+        [sys.executable, "-c", _PROGRAM, *uses], capture_output=True, text=True, cwd=folder, env=environment
     )
     assert done.returncode == 0, done.stderr
-    changes, modules = json.loads(done.stdout.splitlines()[-1])
-    return changes, set(modules)
+    said = json.loads(done.stdout.splitlines()[-1])
+    return {use: (changes, set(modules)) for use, (changes, modules) in zip(uses, said, strict=True)}
 
 
-def test_the_import_changes_nothing_and_brings_no_library(tmp_path: Path) -> None:
-    changes, modules = _changes("", tmp_path)
+def test_the_import_changes_nothing_and_brings_no_library(told: Told) -> None:
+    changes, modules = told[_IMPORT]
     assert changes == {}
     assert not {name for name in modules if name.startswith("trocar.")}
 
 
 @pytest.mark.parametrize("use", _USES)
-def test_using_a_name_changes_nothing_either(tmp_path: Path, use: str) -> None:
-    assert _changes(use, tmp_path)[0] == {}
+def test_using_a_name_changes_nothing_either(told: Told, use: str) -> None:
+    assert told[use][0] == {}

@@ -132,12 +132,12 @@ def test_a_frame_with_a_grasp_of_what_is_not_there_is_refused_whole(rig: Rig) ->
         hold_id=1, tool=0, target_kind=1, target=19, target_weights=(1.0, 0.0, 0.0), limit_n=1.0, jaw_angle_rad=0.1
     )
     good = msgspec.structs.replace(frame.body, holds=(hold,))
-    assert reader.take(good)
+    assert reader.read_contacts(good)
     n_triangles = len(rig.physics.simulation.duct.reduced.mesh.triangles)
     wrong = {"target": 20}, {"tool": 5}, {"target_kind": 0, "target": n_triangles}
     for changes in wrong:
         holds = (msgspec.structs.replace(hold, **changes),)
-        assert not reader.take(msgspec.structs.replace(good, tools=tool_table(()), holds=holds))
+        assert not reader.read_contacts(msgspec.structs.replace(good, tools=tool_table(()), holds=holds))
         assert reader.tools.present.tolist() == [True, True]
         assert [each.target for each in reader.tools.holds or ()] == [19]
     assert reader.refused == len(wrong)

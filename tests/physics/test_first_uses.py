@@ -17,6 +17,7 @@ import pytest
 
 from tests.by_day import by_day
 from tests.kernels.preloaded import Preloaded
+from tests.physics.test_late_kernels import SMALL
 from tests.scenes.test_hands import write_stl
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.compiled import KERNELS
@@ -45,7 +46,9 @@ def preloaded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Preloaded]:
 def test_a_scene_that_is_played_uses_nothing_for_the_first_time(
     scene: str, preloaded: Preloaded, tmp_path: Path
 ) -> None:
-    overrides = [f"duct.mesh_file={_surface(tmp_path)}", "duct.n_modes=30"] if scene == "anatomy" else []
+    overrides = SMALL if scene == "everything" else []  # its wall learns for minutes, and `test_late_kernels` has one
+    if scene == "anatomy":
+        overrides = [f"duct.mesh_file={_surface(tmp_path)}", "duct.n_modes=30"]
     run = preloaded.start(PLAY, [scene, *overrides], ROOT, os.environ).wait()
     assert run.returncode == 0, run.stderr
     assert json.loads(run.stdout.splitlines()[-1]) == [[], []]

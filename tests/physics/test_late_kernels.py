@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 
 from tests.kernels.preloaded import Preloaded
+from tests.kernels.signatures import compiled_signatures
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess
 from tests.physics.conftest import let_time_pass
@@ -26,7 +27,6 @@ from trocar.protocol.bodies import GatewayState, InstrumentState
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.haptics import __main__ as haptics_process
 from trocar.services.haptics.__main__ import Haptics
-from trocar.services.mechanics.compiled import KERNELS
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation.scene_catheter import place_catheter
@@ -68,10 +68,6 @@ def test_nothing_is_compiled_while_a_scenes_hands_play(scene: str, preloaded: Pr
     assert run.returncode == 0, run.stderr
     loops = ("physics",) if load_scene(scene, []).duct_alone else ("haptics", "physics")
     assert json.loads(run.stdout.splitlines()[-1]) == {name: [] for name in loops}
-
-
-def _signatures() -> set[str]:
-    return {f"{each.py_func.__qualname__} {types}" for each in KERNELS for types in each.signatures}
 
 
 def _config(scene: str) -> Any:
@@ -129,13 +125,13 @@ def _haptics(scene: str, link: Connection) -> set[str]:
     model, duct = haptics_process.prepare(_config(scene))
     process = MemoryProcess("haptics", hub := _Hub())
     haptics = Haptics(process, LoopMeter(1000.0), model, duct)  # type: ignore[arg-type]
-    before = _signatures()
+    before = compiled_signatures()
     for _ in hub.ticks(link):
         frame = process.bus.latest("gateway.state")
         assert frame is not None
         haptics.answer(frame)
         haptics.do_side_work()
-    return _signatures() - before
+    return compiled_signatures() - before
 
 
 def _physics(scene: str, link: Connection) -> set[str]:
@@ -143,7 +139,7 @@ def _physics(scene: str, link: Connection) -> set[str]:
     model, duct = physics_process.prepare(_config(scene))
     process, meter = MemoryProcess("physics", hub := _Hub()), LoopMeter(1000.0, physics_process.STAGES)
     physics, clock = Physics(process, meter, model, duct), TickClock(meter)  # type: ignore[arg-type]
-    before = _signatures()
+    before = compiled_signatures()
     for _ in hub.ticks(link):
         frame = process.bus.latest("haptics.contacts")
         if frame is not None:  # on a rung of longer steps haptics speaks more seldom
@@ -151,7 +147,7 @@ def _physics(scene: str, link: Connection) -> set[str]:
             physics.advance(frame, clock.steps(frame.body.tick))
             physics.do_side_work()
     assert meter.tick > TICKS, "it heard all that was said"
-    return _signatures() - before
+    return compiled_signatures() - before
 
 
 def _run(work: Work, scene: str, link: Connection, not_ours: Sequence[Connection]) -> None:
@@ -191,14 +187,14 @@ def _step_alone(scene: str) -> dict[str, list[str]]:
     model, duct = physics_process.prepare(_config(scene))
     process = MemoryProcess("physics", MemoryHub())
     physics = DuctAlonePhysics(process, LoopMeter(1000.0, DUCT_STAGES), model, duct)  # type: ignore[arg-type]
-    before = _signatures()
+    before = compiled_signatures()
     for tick in range(TICKS):
         physics.advance(Tick(tick, 0, time.monotonic_ns()))
-    return {"physics": sorted(_signatures() - before)}
+    return {"physics": sorted(compiled_signatures() - before)}
 
 
 def play(scene: str) -> None:
     """Print what is compiled, by process, while a scene runs: nothing has been compiled in this process before."""
-    assert not _signatures()
+    assert not compiled_signatures()
     let_time_pass(pytest.MonkeyPatch())
     print(json.dumps((_step_alone if load_scene(scene, []).duct_alone else _play_rig)(scene)))

@@ -46,11 +46,11 @@ def test_a_count_that_is_none_is_no_error_of_who_looks_on() -> None:
 def test_the_tools_of_a_frame_are_taken_as_far_as_there_is_room(rig: Rig, n: int) -> None:
     simulation = rig.physics.simulation
     reader = ContactsReader(simulation)
-    assert reader.take(frame(*TOOLS[:2]))
+    assert reader.read_contacts(frame(*TOOLS[:2]))
     tools, there = reader.tools, min(n, 2)
     before = tools.position_m.copy()
     moved = [ToolState(position_m=(9.0 + i, 0.0, 0.0), port_m=(0.0, 0.0, 1.0 + i)) for i in range(n)]
-    assert reader.take(frame(*moved))
+    assert reader.read_contacts(frame(*moved))
     assert tools.present.tolist() == [i < there for i in range(2)]
     for i in range(2):
         if i < there:
@@ -62,7 +62,7 @@ def test_the_tools_of_a_frame_are_taken_as_far_as_there_is_room(rig: Rig, n: int
 
 def test_every_number_of_a_tool_arrives_in_its_place(rig: Rig) -> None:
     reader = ContactsReader(rig.physics.simulation)
-    assert reader.take(frame(*TOOLS[:2]))
+    assert reader.read_contacts(frame(*TOOLS[:2]))
     tools = reader.tools
     for i, told in enumerate(TOOLS[:2]):
         assert tuple(tools.position_m[i]) == told.position_m
@@ -75,8 +75,8 @@ def test_a_frame_that_is_refused_moves_no_tool(rig: Rig) -> None:
     hold = GraspHold(
         hold_id=1, tool=0, target_kind=0, target=10**6, target_weights=(1.0, 0.0, 0.0), limit_n=1.0, jaw_angle_rad=0.1
     )
-    assert reader.take(frame(*TOOLS[:2]))
-    assert not reader.take(frame(*TOOLS[1:], holds=(hold,)))
+    assert reader.read_contacts(frame(*TOOLS[:2]))
+    assert not reader.read_contacts(frame(*TOOLS[1:], holds=(hold,)))
     assert tuple(reader.tools.position_m[0]) == TOOLS[0].position_m
 
 

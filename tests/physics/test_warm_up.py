@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.kernels.preloaded import Preloaded
+from tests.kernels.signatures import compiled_signatures
 from tests.mechanics.compiled.test_allocation import allocating
 from tests.physics.conftest import SMALL
 from trocar.services.files.cache_directory import cache_directory
@@ -84,38 +85,33 @@ def _run(what: str, preloaded: Preloaded) -> Any:
     return json.loads(run.stdout.splitlines()[-1])
 
 
-def _signatures() -> set[str]:
-    """Return every kernel of ours that is compiled or loaded, with the types that it takes."""
-    return {f"{each.py_func.__qualname__} {types}" for each in KERNELS for types in each.signatures}
-
-
 def _compare() -> None:
     """Print how many kernels the stand-in asks for, and what the same on the scene's own duct asks for beside them."""
     scene = load_scene(SMALL, [])
     duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
-    before = _signatures()
+    before = compiled_signatures()
     warm_up_contact(scene)
-    on_stand_in = _signatures()
+    on_stand_in = compiled_signatures()
     answer_contacts(stand_in_scene(scene), duct)
-    print(json.dumps([len(on_stand_in - before), sorted(_signatures() - on_stand_in)]))
+    print(json.dumps([len(on_stand_in - before), sorted(compiled_signatures() - on_stand_in)]))
 
 
 def _share() -> None:
     """Print what haptics compiles for physics."""
     scene = load_scene(SMALL, [])
     duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
-    before = _signatures()
+    before = compiled_signatures()
     compile_for_physics(scene, duct)
-    print(json.dumps(sorted(_signatures() - before)))
+    print(json.dumps(sorted(compiled_signatures() - before)))
 
 
 def _physics() -> None:
     """Print what physics compiles."""
     scene = load_scene(SMALL, [])
-    before = _signatures()
+    before = compiled_signatures()
     warm_up_contact(scene)
     warm_up(scene, load_duct(scene, cache_directory(), lambda stage, fraction: None))
-    print(json.dumps(sorted(_signatures() - before)))
+    print(json.dumps(sorted(compiled_signatures() - before)))
 
 
 def _later() -> None:
@@ -124,7 +120,7 @@ def _later() -> None:
     duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
     warm_up_contact(scene)
     warm_up(scene, duct)
-    before = _signatures()
+    before = compiled_signatures()
     simulation, tools = Simulation(scene, duct), ToolInputs()
     particles_m = simulation.catheter.state.position_m
     beside_m = particles_m[len(particles_m) // 2].copy()
@@ -136,7 +132,7 @@ def _later() -> None:
         tools.holds = [GraspHold(1, 1, DUCT_TRIANGLE, 10, np.array([0.5, 0.3, 0.2]), 1.0, 0.2)] if is_held else []
         simulation.step(tools)
     assert simulation.solver.pricing.new_rows
-    compiled = sorted(_signatures() - before)
+    compiled = sorted(compiled_signatures() - before)
     closures = [each.py_func.__qualname__ for each in KERNELS if "<locals>" in each.py_func.__qualname__]
     print(json.dumps({"compiled": compiled, "allocating": allocating(KERNELS), "closures": closures}))
 
@@ -148,7 +144,7 @@ def _driven() -> None:
     duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
     warm_up_contact(scene)
     warm_up(scene, duct)
-    before = _signatures()
+    before = compiled_signatures()
     simulation, tools = Simulation(scene, duct), ToolInputs()
     end_m = simulation.catheter.state.position_m[0].copy()
     for tick in range(200):
@@ -157,4 +153,4 @@ def _driven() -> None:
         simulation.step(tools)
     assert simulation.drive is not None
     assert simulation.drive.work_j > 0.0
-    print(json.dumps(sorted(_signatures() - before)))
+    print(json.dumps(sorted(compiled_signatures() - before)))

@@ -30,7 +30,7 @@ def long_recording(path: Path, frames: int) -> RecordingWriter:
     for sequence in range(frames):
         writer.write(state(sequence))
         if sequence % 500 == 0:
-            writer.turn((sequence + 1) * 2 * MS)
+            writer.end_old_chunk((sequence + 1) * 2 * MS)
     return writer
 
 

@@ -54,7 +54,7 @@ def test_on_a_full_disk_what_was_written_is_readable_by_index(tmp_path: Path) ->
     writer = long_recording(tmp_path / "a.mcap", 2001)
     settle(writer)
     with pytest.raises(RecordingError, match=r"a\.mcap: file too large") as caught:
-        writer.turn(9000 * MS)
+        writer.end_old_chunk(9000 * MS)
     assert caught.value.exit_code != 0
     with pytest.raises(RecordingError, match="frames were kept"):
         writer.close()
@@ -95,8 +95,8 @@ def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path: Path) -> 
         for chunks in (100, 500):
             for _ in range(chunks):
                 now_ns += 501 * MS
-                recorder.take(msgspec.structs.replace(frame, sent_ns=now_ns) for frame in frames)
-                recorder.turn(now_ns)
+                recorder.append_frames(msgspec.structs.replace(frame, sent_ns=now_ns) for frame in frames)
+                recorder.write_due(now_ns)
             settle(recorder._writer)
             gc.collect()
             held.append(tracemalloc.get_traced_memory()[0])
@@ -188,7 +188,7 @@ def test_a_write_that_the_disk_holds_is_told_while_it_does(
     goes_on, write_at = threading.Event(), disk.write_at
     monkeypatch.setattr(disk, "write_at", lambda *arguments: goes_on.wait(600.0) and write_at(*arguments))
     recorder._writer.write(state(0))
-    recorder._writer.turn(10**18)
+    recorder._writer.end_old_chunk(10**18)
     deadline = time.monotonic() + 60.0
     while stub.health.state != "degraded":
         assert time.monotonic() < deadline
@@ -200,7 +200,7 @@ def test_a_write_that_the_disk_holds_is_told_while_it_does(
     goes_on.set()
     settle(recorder._writer)
     assert recorder._writer.held_s() == 0.0
-    recorder.turn(recorder._due_ns)
+    recorder.write_due(recorder._due_ns)
     assert stub.health.state == "running"
     recorder.close()
 

@@ -15,7 +15,7 @@ from tests.memory_bus import MemoryBus, MemoryHub
 from tests.recorder.made_up import MS, state
 from trocar import protocol
 from trocar.protocol import bodies
-from trocar.services.recorder.__main__ import Recording, take
+from trocar.services.recorder.__main__ import Recording, append_received
 from trocar.services.recorder.losses import DISK, QUEUES, Loss, Losses, counts
 from trocar.services.runtime.bus import bus as bus_module
 from trocar.services.runtime.bus.bus import Inbox, Outbox
@@ -63,10 +63,10 @@ def test_who_catches_up_is_heard_meanwhile() -> None:
             return BatchOf(topic) if self.left >= 0 else None
 
     class Kept:
-        def take(self, frames: list[str]) -> None:
+        def append_frames(self, frames: list[str]) -> None:
             told.extend(frames)
 
-    assert not take(Backlog(), [STATE], Kept(), lambda: told.append("beat"))  # type: ignore[arg-type]
+    assert not append_received(Backlog(), [STATE], Kept(), lambda: told.append("beat"))  # type: ignore[arg-type]
     assert told == [STATE, "beat"] * 3
 
 
@@ -78,10 +78,10 @@ def test_a_publisher_that_floods_without_end_leaves_time_for_the_others_and_the_
             return BatchOf(topic) if topic == STATE or topic not in taken else None
 
     class Kept:
-        def take(self, frames: list[str]) -> None:
+        def append_frames(self, frames: list[str]) -> None:
             taken.extend(frames)
 
-    assert take(Endless(), [STATE, "physics.state"], Kept(), lambda: None)  # type: ignore[arg-type]
+    assert append_received(Endless(), [STATE, "physics.state"], Kept(), lambda: None)  # type: ignore[arg-type]
     assert taken.count("physics.state") == 1
 
 
@@ -110,9 +110,9 @@ def test_frames_of_seconds_wait_in_the_queues_of_one_who_does_not_read(
 
 def test_losses_are_told_once_each_with_their_time() -> None:
     losses = Losses(0)
-    assert losses.update({(STATE, DISK): 3}, 10) == [Loss(STATE, 3, DISK, 0, 10)]
-    assert losses.update({(STATE, DISK): 3}, 20) == []
-    assert losses.update({(STATE, DISK): 5, (STATE, QUEUES): 1}, 30) == [
+    assert losses.find_new({(STATE, DISK): 3}, 10) == [Loss(STATE, 3, DISK, 0, 10)]
+    assert losses.find_new({(STATE, DISK): 3}, 20) == []
+    assert losses.find_new({(STATE, DISK): 5, (STATE, QUEUES): 1}, 30) == [
         Loss(STATE, 2, DISK, 20, 30), Loss(STATE, 1, QUEUES, 20, 30),
     ]  # fmt: skip
     assert losses.sentence() == f"lost 6 frames: 5 of {STATE} ({DISK}), 1 of {STATE} ({QUEUES})"
@@ -124,7 +124,7 @@ def test_what_goes_on_being_lost_is_said_at_once_and_then_every_ten_seconds_toge
     for second in range(25):
         lost = {(STATE, DISK): min(second + 1, 12)} | ({(STATE, QUEUES): 4} if second >= 3 else {})
         now_ns = second * 1_000_000_000
-        said += [(second, each.frames, each.why) for each in losses.due_reports(losses.update(lost, now_ns), now_ns)]
+        said += [(second, each.frames, each.why) for each in losses.due_reports(losses.find_new(lost, now_ns), now_ns)]
     assert said == [(0, 1, DISK), (3, 4, QUEUES), (10, 10, DISK), (20, 1, DISK)]
 
 
@@ -155,11 +155,11 @@ def test_file_dashboard_and_last_words_say_what_is_missing(
         data = outbox.seal(state(tick).body, 0, True)
         if not 100 <= tick < 130:
             stub.hub.send(STATE, data)
-    while take(stub.bus, [STATE], recording, lambda: None):
+    while append_received(stub.bus, [STATE], recording, lambda: None):
         pass
     now_ns = recording._due_ns
-    recording.turn(now_ns)
-    recording.turn(now_ns + 2_000_000_000)
+    recording.write_due(now_ns)
+    recording.write_due(now_ns + 2_000_000_000)
     assert (stub.health.gauges["lost_frames"], stub.health.gauges["recorded_frames"]) == (30, 270)
     assert (stub.health.state, stub.health.detail) == ("degraded", f"lost 30 frames: 30 of {STATE} ({QUEUES})")
     with caplog.at_level(logging.INFO):

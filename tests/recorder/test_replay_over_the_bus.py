@@ -104,7 +104,7 @@ class Processes:
             process.bus.publish = lambda topic, body, **rest: (self._keep(body), publish(topic, body, **rest))[1]
             replay = ReplayedPhysics(stepping, read_schedule(self._settings))
             for frame in self._frames(process, "haptics.contacts", meter, stepping.do_side_work):
-                assert replay.take(frame)
+                assert replay.replay_frame(frame)
 
     def _frames(
         self, process: Any, topic: str, meter: LoopMeter, settle: Callable[[], object] = lambda: None

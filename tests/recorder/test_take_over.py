@@ -121,7 +121,7 @@ class TakeOver:
         contacts = self._physics_bus.latest("haptics.contacts")
         if contacts is not None:
             ticks = self._clock.steps(contacts.body.tick)
-            if not self._replay.take(contacts):
+            if not self._replay.replay_frame(contacts):
                 self._physics.advance(contacts, ticks)
             self._physics.do_side_work()
 

@@ -178,7 +178,7 @@ def recorded(path: Path, stream: Stream) -> Path:
     for sequence, (topic, time_ns, body) in enumerate(stream):
         said = {"incarnation": 1, "sequence": sequence, "sent_ns": time_ns, "origin_ns": 0, "valid": True}
         writer.write(Frame(protocol=1, topic=topic, version=TOPICS[topic].version, body=body, **said))
-        writer.turn(time_ns)
+        writer.end_old_chunk(time_ns)
     writer.close()
     return path
 

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.by_day import by_day
-from tests.review import postgres
 from tests.review.benches import keep_at_once
 from trocar.review.attempts.store.attempts import Store
 
 BENCHES, ATTEMPTS = 12, 20
 pytestmark = pytest.mark.timeout(600)
-
-
-@pytest.fixture(scope="module")
-def new_postgres() -> Iterator[Callable[[], str]]:
-    if postgres.programs() is None:
-        pytest.skip("no PostgreSQL on this machine (Debian's package postgresql)")
-    with postgres.short_folder() as folder, postgres.server(folder) as make:
-        yield make
 
 
 @pytest.mark.parametrize("seed", by_day([1], range(2, 11)))

@@ -8,27 +8,18 @@ import pty
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from tests.patience import PATIENCE_S
-from tests.review import postgres
 from tests.review.benches import made_up
 from trocar.review.attempts.store.attempts import Store, StoreError
 from trocar.services.cli.app import add_installed_verbs, app
 
 RECORDING = b"\x89MCAP0\r\n and what was recorded"
-
-
-@pytest.fixture(scope="module")
-def new_postgres() -> Iterator[Callable[[], str]]:
-    if postgres.programs() is None:
-        pytest.skip("no PostgreSQL on this machine (Debian's package postgresql)")
-    with postgres.short_folder() as folder, postgres.server(folder) as make:
-        yield make
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

@@ -1,5 +1,6 @@
 """The view as by X-rays against closed forms: a ray's way through ball, rod and tube, and Beer and Lambert."""
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -125,5 +126,7 @@ def test_the_lens_spreads_out_what_it_sees_and_keeps_it_within_the_picture():
 
 def test_it_needs_neither_display_nor_pyvista():
     text = "import sys; sys.modules['pyvista'] = None; from trocar.review.export.fluoroscopy import open_renderer"
-    text += "; open_renderer('fluoroscopy', (8, 6))"
-    subprocess.run([sys.executable, "-c", text], check=True)
+    text += "; print(open_renderer('fluoroscopy', (8, 6)).image().shape)"
+    bare = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run([sys.executable, "-c", text], check=True, capture_output=True, text=True, env=bare)
+    assert done.stdout == "(6, 8, 3)\n"

@@ -16,9 +16,6 @@ from typing import Any
 import msgspec
 import pytest
 
-from tests.review.test_assess import terms, told
-from tests.training.streams import changed, messages
-from trocar.review.attempts.assess import assess
 from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.statements import BATCH, Endpoint, statement
 from trocar.review.attempts.store.attempts import Store
@@ -26,13 +23,6 @@ from trocar.review.commands.attempts import run_xapi
 from trocar.services.runtime.errors import ConfigError, UserError
 
 HOME = "https://hospital.example"
-
-
-@pytest.fixture(scope="module")
-def attempt() -> Assessment:
-    deep = changed({"inserted": [(0.5, 0.0), (1.5, 15e-3)], "hold": [(0.1, 0.0), (0.101, 1.0)]})
-    (found,) = assess(told(messages(deep, 2.0), 2.0), terms(), "a.mcap")
-    return found
 
 
 @pytest.fixture
@@ -47,24 +37,36 @@ def database(attempt: Assessment, tmp_path: Path) -> str:
     return file
 
 
-class RecordStore:
-    """A learning record store: `fail` says by how often it was asked what it answers instead, none to take it."""
+Failure = int | tuple[int, bytes, dict[str, str]]
+"""What a store answers instead: a code, or with what it says, and headers."""
 
-    def __init__(self, fail: Callable[[int], int | None]) -> None:
+
+class RecordStore:
+    """A learning record store: `fail` says by how often it was asked what it answers instead, none to take it.
+
+    Of a statement in `malformed` it takes no batch; with `cut_off`, the connection ends in the middle of the answer to
+    what it has taken, so many times.
+    """
+
+    def __init__(self, fail: Callable[[int], Failure | None] = lambda _: None) -> None:
         self.kept: dict[str, dict[str, Any]] = {}
+        self.malformed = set[str]()
+        self.cut_off = 0
         self.headers: list[Any] = []
         self.asked = 0
         self.fail = fail
 
-    def answer(self, statements: list[dict[str, Any]]) -> int:
+    def answer(self, statements: list[dict[str, Any]]) -> tuple[int, bytes, dict[str, str]]:
         self.asked += 1
         failure = self.fail(self.asked)
         if failure is not None:
-            return failure
+            return failure if isinstance(failure, tuple) else (failure, b"", {})
+        if any(each["id"] in self.malformed for each in statements):
+            return 400, b"a statement is malformed", {}
         if any(each["id"] in self.kept for each in statements):
-            return 409  # and takes none of them, as the standard allows
+            return 409, b"", {}  # and takes none of them, as the standard allows
         self.kept |= {each["id"]: each for each in statements}
-        return 200
+        return 200, json.dumps([each["id"] for each in statements]).encode(), {}
 
 
 @contextmanager
@@ -73,7 +75,18 @@ def served(store: RecordStore) -> Iterator[str]:
         def do_POST(self) -> None:
             store.headers.append(self.headers)
             body = self.rfile.read(int(self.headers["Content-Length"]))
-            self.send_response(store.answer(json.loads(body)))
+            code, said, headers = store.answer(json.loads(body))
+            self.send_response(code)
+            for header in ({"Content-Length": str(len(said))} | headers).items():
+                self.send_header(*header)
+            self.end_headers()
+            if code == 200 and store.cut_off:
+                store.cut_off -= 1
+                said = said[: len(said) // 2]
+            self.wfile.write(said)
+
+        def do_GET(self) -> None:
+            self.send_response(200)  # a page, as of a login
             self.send_header("Content-Length", "0")
             self.end_headers()
 
@@ -142,6 +155,77 @@ def test_a_new_one_among_those_that_the_store_has_arrives(database: str) -> None
         Endpoint(address).send(statements[:30])
         Endpoint(address).send(statements)
     assert store.kept.keys() == {each["id"] for each in statements}
+
+
+@pytest.mark.parametrize("change", [{"home": "https://clinic.example"}, {"trainee": "magpie-2"}])
+def test_what_says_anything_else_is_another_statement(attempt: Assessment, change: dict[str, str]) -> None:
+    usual = {"trainee": "heron-17", "home": HOME}
+    assert statement(attempt, **usual)["id"] != statement(attempt, **usual | change)["id"]
+
+
+def statements_of(database: str) -> list[dict[str, Any]]:
+    with Store(database, create=False) as attempts:
+        return [statement(found, who, HOME) for who, found in attempts.kept()]
+
+
+def test_one_that_the_store_refuses_keeps_no_other_back(database: str) -> None:
+    store, statements = RecordStore(), statements_of(database)
+    store.malformed = {statements[3]["id"], statements[60]["id"]}
+    why = "refuses 2 of them, the first: 400 Bad Request, a statement is malformed; 118 of 120 attempts arrived"
+    with served(store) as address, pytest.raises(UserError, match=why):
+        Endpoint(address).send(statements)
+    assert store.kept.keys() == {each["id"] for each in statements} - store.malformed
+
+
+def test_a_connection_that_is_lost_midway_loses_and_doubles_nothing(database: str) -> None:
+    store, statements, waited = RecordStore(), statements_of(database), list[float]()
+    store.cut_off = 2
+    with served(store) as address:
+        Endpoint(address, pause=waited.append).send(statements)
+    assert store.kept.keys() == {each["id"] for each in statements}
+    assert waited == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        ((301, b"", {"Location": "/login"}), r"leads elsewhere \(301 Moved Permanently, /login\): name that address"),
+        ((302, b"", {"Location": "https://lrs.example/x"}), r"leads elsewhere \(302 Found, https://lrs.example/x\)"),
+        ((307, b"", {"Location": "/y"}), r"leads elsewhere \(307 Temporary Redirect, /y\)"),
+        ((200, b"<html>Please log in</html>", {}), "answers 200 OK without the identifiers of what it was sent"),
+        ((200, b"", {}), "answers 200 OK without the identifiers of what it was sent"),
+        ((200, b'["5f6c7fb0-0000-0000-0000-000000000000"]', {}), "without the identifiers of what it was sent"),
+        ((202, b"", {}), "answers 202 Accepted without the identifiers"),
+        ((500, b"oh", {"Content-Length": "99"}), "answers 500 Internal Server Error"),
+        ((403, b"no\nno", {}), "refuses them: 403 Forbidden, no no"),
+        ((599, b"", {}), "answers 599"),
+    ],
+)
+def test_nothing_has_arrived_of_which_the_store_does_not_say_so(
+    database: str, answer: Failure, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trocar.review.attempts.statements.PAUSES_S", (0.0,))
+    store = RecordStore(lambda _: answer)
+    with served(store) as address:
+        with pytest.raises(UserError, match=f"{why}.*; 0 of 120 attempts arrived, send them again") as caught:
+            run_xapi(database, None, address, HOME, "")
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("to", "home", "said"),
+    [
+        ("http://", HOME, "--to http://: is no address of a record store"),
+        ("http://a..b/x", HOME, "is no address of a record store"),
+        ("https://lrs.example:port/x", HOME, "is no address of a record store"),
+        ("https://me:secret@lrs.example/x", HOME, "--to lrs.example: the address holds a login: give it as --login"),
+        ("https://lrs.example/x", "hospital", "--home hospital: is no http or https address"),
+    ],
+)
+def test_an_address_that_is_none_is_a_sentence(database: str, to: str, home: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said) as caught:
+        run_xapi(database, None, to, home, "")
+    assert "secret" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import json
 import re
 import sys
 import threading
-from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
 
@@ -21,10 +20,8 @@ from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, event, insert, inspect
 from typer.testing import CliRunner
 
-from tests.review import postgres
-from tests.review.test_assess import recorded, terms, told
-from tests.training.streams import GOOD, changed, messages
-from trocar.review.attempts.assess import assess
+from tests.review.test_assess import recorded
+from tests.training.streams import GOOD, messages
 from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.store.attempts import Store, StoreError
 from trocar.review.attempts.store.tables import Base, StoredAttempt, Trainee
@@ -35,27 +32,12 @@ RUN = CliRunner()
 ATTEMPTS, TRAINEES = 10_000, 100
 
 
-@pytest.fixture(scope="module")
-def new_database() -> Iterator[Callable[[], str]]:
-    if postgres.programs() is None:
-        pytest.skip("no PostgreSQL on this machine (Debian's package postgresql)")
-    with postgres.short_folder() as folder, postgres.server(folder) as make:
-        yield make
-
-
 @pytest.fixture(params=["sqlite", "postgresql"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     if request.param == "sqlite":
         return str(tmp_path / "a.sqlite")
-    made: str = request.getfixturevalue("new_database")()
+    made: str = request.getfixturevalue("new_postgres")()
     return made
-
-
-@pytest.fixture(scope="module")
-def attempt() -> Assessment:
-    deep = changed({"inserted": [(0.5, 0.0), (1.5, 15e-3)], "hold": [(0.1, 0.0), (0.101, 1.0)]})
-    (found,) = assess(told(messages(deep, 2.0), 2.0), terms(), "a.mcap")
-    return found
 
 
 def later(attempt: Assessment, seconds: int) -> Assessment:
@@ -130,7 +112,7 @@ def test_threads_that_open_an_empty_database_at_once_make_its_tables_once(
     """Alembic keeps what it does in names that all threads share: nine classes of eleven died of it."""
     address = str(tmp_path / "a.sqlite")
     if kind == "postgresql":
-        address = request.getfixturevalue("new_database")()
+        address = request.getfixturevalue("new_postgres")()
     elif kind == "empty file":
         Path(address).touch()
     errors: list[BaseException] = []

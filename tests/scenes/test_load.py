@@ -23,8 +23,9 @@ SCENES = sorted((config.config_directory() / "scenes").glob("*.yaml"))
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
-def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
-    load_scene(path)
+def test_every_scene_file_of_the_repository_loads_and_has_the_effects_that_it_names(path: Path) -> None:
+    said: dict[str, Any] = yaml.safe_load(path.read_text())
+    assert set(load_scene(path).effects) == set(said.get("effects", ()))
 
 
 @pytest.mark.parametrize(

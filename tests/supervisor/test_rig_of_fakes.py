@@ -73,7 +73,7 @@ def test_a_rig_whose_place_for_flights_is_taken_by_somebody_runs_and_ends_all_th
     """In ``/dev/shm`` another user may have been there first: nothing can be looked at, nothing is to be removed."""
     (tmp_path / f"trocar-{os.getuid()}").mkdir()
     (tmp_path / f"trocar-{os.getuid()}").chmod(0o777)
-    monkeypatch.setattr("trocar.services.runtime.measures.flight._MEMORY", tmp_path)
+    monkeypatch.setattr("trocar.services.runtime.measures.flight.MEMORY", tmp_path)
     monkeypatch.setattr("trocar.services.runtime.measures.flight.is_memory", lambda _directory: False)
     fakes.play(until_running)
 

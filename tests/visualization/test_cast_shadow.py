@@ -9,17 +9,17 @@ import pytest
 
 from tests.visualization.test_render import a_scene
 from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from trocar.services.visualization.cast_shadow import _ACROSS, _SUN, Rods, hidden
+from trocar.services.visualization.cast_shadow import ACROSS, SUN, Rods, hidden
 from trocar.services.visualization.strain import FULL, Strain, colours_of_strain
 from trocar.services.visualization.thick_wall import ThickWall
 
 RADIUS_M = 2e-3
-ALONG, BESIDE = _ACROSS.T
+ALONG, BESIDE = ACROSS.T
 
 
 def _share(beside_m: np.ndarray, above_m: float) -> np.ndarray:
     """Return what a long rod hides of the lamp from points so far beside its middle line and so far below it."""
-    points_m = (beside_m[:, None] * BESIDE - above_m * _SUN).astype(np.float32)
+    points_m = (beside_m[:, None] * BESIDE - above_m * SUN).astype(np.float32)
     ends = np.array([[-0.2 * ALONG], [0.2 * ALONG]], np.float32)
     return hidden(points_m, ends[0], ends[1], np.array([RADIUS_M], np.float32))
 
@@ -38,7 +38,7 @@ def test_a_shadow_is_as_wide_as_the_rod_and_paler_and_softer_the_higher_it_is() 
 
 def test_what_is_above_a_rod_or_beyond_its_end_is_lit() -> None:
     assert _share(np.zeros(1), -5e-3)[0] == 0.0
-    beyond_m = (0.21 * ALONG - 1e-3 * _SUN)[None].astype(np.float32)
+    beyond_m = (0.21 * ALONG - 1e-3 * SUN)[None].astype(np.float32)
     ends = np.array([[-0.2 * ALONG], [0.2 * ALONG]], np.float32)
     assert hidden(beyond_m, ends[0], ends[1], np.array([RADIUS_M], np.float32))[0] == 0.0
 
@@ -46,7 +46,7 @@ def test_what_is_above_a_rod_or_beyond_its_end_is_lit() -> None:
 def test_two_rods_hide_what_one_leaves() -> None:
     ends = np.array([[-0.2 * ALONG], [0.2 * ALONG]], np.float32)
     twice = np.repeat(ends, 2, axis=1)
-    point_m = (-60e-3 * _SUN)[None].astype(np.float32)
+    point_m = (-60e-3 * SUN)[None].astype(np.float32)
     one = hidden(point_m, ends[0], ends[1], np.array([RADIUS_M], np.float32))[0]
     two = hidden(point_m, twice[0], twice[1], np.array([RADIUS_M] * 2, np.float32))[0]
     assert two == pytest.approx(1.0 - (1.0 - one) ** 2)

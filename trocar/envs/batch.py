@@ -95,8 +95,11 @@ class Batch(VectorEnv[Any, Any, Any]):
         """Call a method of all groups at once; return what each returns, in their order.
 
         Every answer is awaited, so that none is taken for that of a later call; then the first error is raised.
+        Raises ConfigError if the batch is closed.
         """
-        answers = [each.ask(method, *given) for each, given in zip(self._groups, arguments, strict=True)]
+        if not self._groups:
+            raise ConfigError(f"{method}: the batch is closed")
+        answers = [each.begin_call(method, *given) for each, given in zip(self._groups, arguments, strict=True)]
         found, errors = [], []
         for answer in answers:
             try:
@@ -186,7 +189,7 @@ class Batch(VectorEnv[Any, Any, Any]):
     def close_extras(self, **_kwargs: Any) -> None:
         """Close all scenes, and end what was started for them."""
         while self._groups:
-            self._groups.pop().end()
+            self._groups.pop().end_scenes()
         if self._client is not None:
             self._client.close()
 

@@ -69,7 +69,7 @@ class Episode:
         self.frames: dict[str, Frame] = {}
         if self._recording is not None:
             self._tell(-1)  # before any hand moves, so that readers find an attempt at the start
-        self._grips.look(hands.state, None)
+        self._grips.follow_hands(hands.state, None)
         self._look(self._framer.devices(0, hands.state))
         self._follow()
 
@@ -84,7 +84,7 @@ class Episode:
         devices, last = None, self.tick + ticks - length
         for _ in range(ticks // length):
             if self.tick:
-                self._framer.settle(self.tick, last)
+                self._framer.measure_inserted(self.tick, last)
             before = self._hands.state.copy() if self._recording is not None else None
             self._hands.move(length * TICK_S)
             self._step(length)
@@ -96,7 +96,7 @@ class Episode:
     def _step(self, length: int) -> None:
         """Update the grasps from the last solved state, as haptics does on a rig, and take a step."""
         newest = partial(self._framer.state, self.tick) if self.tick else None
-        self._hands.inputs.holds = self._grips.look(self._hands.state, newest)
+        self._hands.inputs.holds = self._grips.follow_hands(self._hands.state, newest)
         self.simulation.step(self._hands.inputs, length * TICK_S)
         self.tick += length
         self._framer.feel()
@@ -127,7 +127,7 @@ class Episode:
         for k in range(1, length + 1):
             at: FloatArray = after if k == length else before + k / length * (after - before)
             frame = self._framer.devices(self.tick - length + k, at)
-            self._recording.take_tick(frame, length if k == length else 0)
+            self._recording.append_tick(frame, length if k == length else 0)
         return frame
 
     def _look(self, devices: Frame) -> None:
@@ -137,21 +137,21 @@ class Episode:
         self._trainer.observer.take_frames(self.frames, self.tick * TICK_NS)
         if self._recording is not None:
             if self.tick == 0:
-                self._recording.take_tick(devices, 0)
-            self._recording.take(contacts)
-            self._recording.take(state)
+                self._recording.append_tick(devices, 0)
+            self._recording.append_frame(contacts)
+            self._recording.append_frame(state)
 
     def _follow(self) -> None:
         self._trainer.follow_attempt(self.time_s)
         if self._recording is not None:
             if self._trainer.gist() != self._told:
                 self._tell(self.tick)
-            self._recording.turn()
+            self._recording.write_due()
 
     def _tell(self, tick: int) -> None:
         assert self._recording is not None
         self._told = self._trainer.gist()
-        self._recording.take(self._framer.frame(tick, self._trainer.body(), "training.attempt"))
+        self._recording.append_frame(self._framer.frame(tick, self._trainer.body(), "training.attempt"))
 
 
 def nearest_m(point_m: FloatArray, points_m: FloatArray) -> float:

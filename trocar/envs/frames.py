@@ -78,7 +78,7 @@ class Framer:
         """Pass the reactions on the tools after a step to the grips."""
         self._outputs.feel(self._grips.hands)
 
-    def settle(self, tick: int, last: int) -> None:
+    def measure_inserted(self, tick: int, last: int) -> None:
         """Measure the inserted length if physics does so after this tick, so that frames are equal to the bit.
 
         It is skipped if that happens again up to ``last``, as no frame is used before.
@@ -87,4 +87,4 @@ class Framer:
         if period != self._period and period == max(1, last // _MEASURED_EVERY):
             self._period = period
             self._outputs.forget()
-            self._outputs.settle()
+            self._outputs.measure_inserted()

@@ -42,7 +42,7 @@ class Grips:
         self.reactions.forget()
         self.hands, self.holds = tool_table(()), list[GraspHold]()
 
-    def look(self, state: FloatArray, newest: Callable[[], PhysicsState] | None) -> list[GraspHold]:
+    def follow_hands(self, state: FloatArray, newest: Callable[[], PhysicsState] | None) -> list[GraspHold]:
         """Return the holds of the tools for this state of their devices (2, 5).
 
         ``newest`` returns the last solved state, and is called only while jaws close; None before the first step.

@@ -102,10 +102,10 @@ class Scenes:
 class Group(Protocol):
     """Scenes somewhere."""
 
-    def ask(self, method: str, *arguments: Any) -> Answer:
+    def begin_call(self, method: str, *arguments: Any) -> Answer:
         """Begin a call of a method of `Scenes`."""
 
-    def end(self) -> None:
+    def end_scenes(self) -> None:
         """Close the scenes, and end what was started for them."""
 
 
@@ -115,11 +115,11 @@ class GroupHere:
     def __init__(self, made: Made) -> None:
         self._scenes = Scenes(made)
 
-    def ask(self, method: str, *arguments: Any) -> Answer:
+    def begin_call(self, method: str, *arguments: Any) -> Answer:
         """Call a method when its result is asked for."""
         return lambda: getattr(self._scenes, method)(*arguments)
 
-    def end(self) -> None:
+    def end_scenes(self) -> None:
         """Close the scenes."""
         self._scenes.close()
 
@@ -134,7 +134,7 @@ class GroupElsewhere:
         self._process.start()
         there.close()
 
-    def ask(self, method: str, *arguments: Any) -> Answer:
+    def begin_call(self, method: str, *arguments: Any) -> Answer:
         """Begin a call; its answer raises what it raised there, ConnectionError if the process has ended."""
         try:
             self._pipe.send((method, arguments))
@@ -155,7 +155,7 @@ class GroupElsewhere:
         self._process.join(END_S)
         raise ConnectionError(f"a process of scenes has ended, with exit code {self._process.exitcode}")
 
-    def end(self) -> None:
+    def end_scenes(self) -> None:
         """Let the process close its scenes and end; it is terminated if it does not."""
         with suppress(OSError):  # it has ended
             self._pipe.send(None)
@@ -191,14 +191,14 @@ class GroupOnCluster:
     def __init__(self, made: Made, client: Any, worker: str) -> None:
         self._made = client.submit(Scenes, made, actor=True, workers=[worker], pure=False)
 
-    def ask(self, method: str, *arguments: Any) -> Answer:
+    def begin_call(self, method: str, *arguments: Any) -> Answer:
         """Begin a call; the answer raises what it raised there."""
         called = getattr(self._made.result(), method)(*arguments)
         return lambda: called.result()
 
-    def end(self) -> None:
+    def end_scenes(self) -> None:
         """Close the scenes."""
-        self.ask("close")()
+        self.begin_call("close")()
         self._made.release()
 
 

@@ -81,7 +81,7 @@ class DeviceHands:
         self._hands.jaw_most[: self.n_tools] = [most for _, most in ranges]
         self.state, self.rate = self._hands.state, self._hands.rate
 
-    def begin(self, start: ToolInputs) -> None:
+    def set_start(self, start: ToolInputs) -> None:
         """Set the hands to their start."""
         self.state[:], self.rate[:] = self.state_of(start), 0.0
         self.move(0.0)

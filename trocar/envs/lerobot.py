@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from trocar.envs.demonstrations import Demonstration, action_names, force_names, read_attempts, state_names
 from trocar.envs.picture import recorded_camera
 from trocar.review.export.pictures import film_info, write_pictures
+from trocar.services.files.atomic_file import atomic_folder
 from trocar.services.mechanics.scene.tools import N_TOOLS
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
 
@@ -29,8 +31,8 @@ CHUNK, DATA_MB, VIDEO_MB = 1000, 100, 200
 _QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 #: Width and height of a film, as learners of robots have them.
 _IMAGE_SIZE = 640, 480
-#: So many pictures of an episode are enough for the statistics of a film.
-_SAMPLED_IMAGES = 100
+#: So many pictures of an episode are enough for the statistics of a film; a colour has so many shades.
+_SAMPLED_IMAGES, _SHADES = 100, 256
 _EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _PATHS = {
     "v3.0": (
@@ -49,6 +51,8 @@ def export_dataset(
 ) -> str:
     """Write the attempts of recordings as one dataset, and return a sentence that says how much it holds.
 
+    The folder is there once all is written; of one that fails, as by a damaged recording, nothing stays.
+
     Args:
         files: Recordings.
         folder: A folder that is not there yet, or is empty.
@@ -57,9 +61,13 @@ def export_dataset(
         task: What was to be done, in words; empty: as the scenario calls it.
         layout: One of `LAYOUTS`.
 
-    Raises ConfigError if there is something in the folder or no attempt in the recordings, RecordingError if one cannot
-    be read, MissingPackageError if a package is not installed.
+    Raises ConfigError if there is something in the folder, no attempt in the recordings, or an argument is invalid;
+    RecordingError if one cannot be read, MissingPackageError if a package is not installed.
     """
+    if type(fps) is not int or fps < 1:
+        raise ConfigError(f"fps: must be a whole number from 1 on, is {fps!r}")
+    if not task.isprintable():  # a part of an argument that is no UTF-8 is not, either
+        raise ConfigError(f"task: {task!a} is not one line of text")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{folder}: is there already")
     for package in ("pyarrow", "av") if view else ("pyarrow",):
@@ -67,16 +75,16 @@ def export_dataset(
             __import__(package)
         except ModuleNotFoundError:
             raise MissingPackageError("lerobot", package) from None
-    dataset = Dataset(folder, fps, view, layout)
-    for file in files:
-        camera = recorded_camera(file, view, _IMAGE_SIZE) if view else None
-        for shown in read_attempts(file, fps, camera):
-            dataset.add_episode(shown, task or shown.task or "practise")
-        if camera is not None:
-            camera.close()
-    if not dataset.lengths:
-        raise ConfigError(f"{', '.join(map(str, files))}: no attempt is in it")
-    dataset.close()
+    with atomic_folder(folder) as half:
+        dataset = Dataset(half, fps, view, layout)
+        for file in files:
+            with ExitStack() as opened:
+                camera = opened.enter_context(closing(recorded_camera(file, view, _IMAGE_SIZE))) if view else None
+                for shown in read_attempts(file, fps, camera):
+                    dataset.add_episode(shown, task or shown.task or "practise")
+        if not dataset.lengths:
+            raise ConfigError(f"{', '.join(map(str, files))}: no attempt is in it")
+        dataset.close()
     return f"{folder}: {len(dataset.lengths)} episodes, {sum(dataset.lengths)} moments at {fps} a second"
 
 
@@ -121,6 +129,7 @@ class Dataset:
         self._tasks: list[str] = []
         self._episodes: list[dict[str, Any]] = []
         self._all: dict[str, list[Values]] = {}
+        self._shades: _ImageShades | None = None
         self._pending: list[Any] = []
         self._data_file = 0
 
@@ -141,19 +150,20 @@ class Dataset:
             place = {"chunk_index": number // CHUNK, "file_index": number % CHUNK}
             times = {"from_timestamp": 0.0, "to_timestamp": length / self._fps}
             row |= {f"videos/{self._film}/{name}": value for name, value in {**place, **times}.items()}
-            sampled = np.stack(images[:: max(1, length // _SAMPLED_IMAGES)])
-            stats[self._film] = _image_stats(sampled)
-            self._all.setdefault(self._film, []).append(sampled)
+            shades = _ImageShades(images[0].shape)
+            shades.add(images[:: max(1, length // _SAMPLED_IMAGES)])
+            stats[self._film] = shades.stats()
+            self._shades = self._shades or _ImageShades(images[0].shape)
+            self._shades.add_all(shades)
         self._episodes.append({**row, "stats": stats})
         self.lengths.append(length)
 
     def close(self) -> None:
         """Write what is pending, and what the dataset says of itself."""
         self._flush_data()
-        all_stats = {
-            name: _image_stats(np.concatenate(parts)) if name == self._film else _stats(np.concatenate(parts))
-            for name, parts in self._all.items()
-        }
+        all_stats = {name: _stats(np.concatenate(parts)) for name, parts in self._all.items()}
+        if self._shades is not None:
+            all_stats[self._film] = self._shades.stats()
         if self._layout == "v3.0":
             self._write_meta_3(all_stats)
         else:
@@ -182,12 +192,12 @@ class Dataset:
         names = {"observation.state": state_names(), "observation.forces": force_names(), "action": action_names()}
         features: dict[str, Any] = {}
         for name, (first, *_) in self._all.items():
-            if name == self._film:
-                told = {"names": ["height", "width", "channels"], "info": film_info(first.shape[1:3], self._fps)}
-                features[name] = {"dtype": "video", "shape": list(first.shape[1:]), **told}
-            else:
-                size = int(np.prod(first.shape[1:]))
-                features[name] = {"dtype": str(first.dtype), "shape": [size], "names": names.get(name)}
+            size = int(np.prod(first.shape[1:]))
+            features[name] = {"dtype": str(first.dtype), "shape": [size], "names": names.get(name)}
+        if self._shades is not None:
+            height, width, colours = self._shades.shape
+            told = {"names": ["height", "width", "channels"], "info": film_info((height, width), self._fps)}
+            features[self._film] = {"dtype": "video", "shape": [height, width, colours], **told}
         return features
 
     def _info(self) -> dict[str, Any]:
@@ -261,15 +271,57 @@ def _stats(values: Values) -> dict[str, Any]:
     flat = values.reshape(len(values), -1).astype(np.float64)
     found = {"min": flat.min(axis=0), "max": flat.max(axis=0), "mean": flat.mean(axis=0), "std": flat.std(axis=0)}
     quantiles = np.quantile(flat, _QUANTILES, axis=0)
-    named = {f"q{round(100 * share):02d}": each for share, each in zip(_QUANTILES, quantiles, strict=True)}
+    named = {_quantile_name(share): each for share, each in zip(_QUANTILES, quantiles, strict=True)}
     return {**found, "count": np.array([len(values)]), **named}
 
 
-def _image_stats(images: Values) -> dict[str, Any]:
-    """Return the statistics of each colour of pictures (n, height, width, 3), from 0 to 1."""
-    found = _stats(images.reshape(-1, 3) / 255.0)
-    shaped = {name: np.asarray(value).reshape(3, 1, 1) for name, value in found.items() if name != "count"}
-    return {**shaped, "count": np.array([len(images)])}
+class _ImageShades:
+    """How often each shade of each colour is in pictures: their statistics to the last digit, however many they are.
+
+    Attributes:
+        shape: Height, width and colours of every picture.
+        count: Number of pictures.
+    """
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.shape, self.count = (shape[0], shape[1], shape[2]), 0
+        self._times = np.zeros((shape[2], _SHADES), np.int64)
+
+    def add(self, images: Sequence[Values]) -> None:
+        """Add pictures."""
+        for image in images:
+            for times, colour in zip(self._times, np.moveaxis(image, 2, 0), strict=True):
+                times += np.bincount(colour.reshape(-1), minlength=_SHADES)
+        self.count += len(images)
+
+    def add_all(self, other: _ImageShades) -> None:
+        """Add the pictures of others."""
+        self._times += other._times
+        self.count += other.count
+
+    def stats(self) -> dict[str, Any]:
+        """Return the statistics of each colour, from 0 to 1."""
+        each = [_shade_stats(times) for times in self._times]
+        found = {name: np.array([of[name] for of in each]).reshape(-1, 1, 1) for name in each[0]}
+        return {**found, "count": np.array([self.count])}
+
+
+def _shade_stats(times: Values) -> dict[str, float]:
+    """Return the statistics of one colour by how often each shade is there, as NumPy has them of all values."""
+    shades, up_to = np.arange(_SHADES) / (_SHADES - 1.0), np.cumsum(times)
+    n, present = int(up_to[-1]), np.flatnonzero(times)
+    mean = float(shades @ times) / n
+    std = float(np.sqrt((shades - mean) ** 2 @ times / n))
+    found = {"min": float(shades[present[0]]), "max": float(shades[present[-1]]), "mean": mean, "std": std}
+    for share in _QUANTILES:
+        place = share * (n - 1)
+        low, high = (shades[np.searchsorted(up_to, k, side="right")] for k in (int(place), min(int(place) + 1, n - 1)))
+        found[_quantile_name(share)] = float(low + (high - low) * (place - int(place)))
+    return found
+
+
+def _quantile_name(share: float) -> str:
+    return f"q{round(100 * share):02d}"
 
 
 def _plain(value: Any) -> Any:

@@ -45,29 +45,29 @@ class EpisodeRecording:
         self._haptics, self._physics = (JournalWriter(f"{name}.journal", self) for name in ("haptics", "physics"))  # type: ignore[arg-type]
         self._tick = self._solved_tick = -1
 
-    def take(self, frame: Frame) -> None:
+    def append_frame(self, frame: Frame) -> None:
         """Append a frame."""
         self._writer.write(frame)
         self._picture.see(frame)
 
-    def take_tick(self, devices: Frame, step_ticks: int) -> None:
+    def append_tick(self, devices: Frame, step_ticks: int) -> None:
         """Append the devices of a tick, and the number of ticks simulated at its end, 0 for none."""
         self._tick = tick = devices.body.tick
-        self.take(devices)
+        self.append_frame(devices)
         is_known = self._solved_tick >= 0
         self._haptics.note(tick, (tick - self._solved_tick if is_known else -1, int(is_known), 0))
         if step_ticks:
             self._physics.note(tick, (step_ticks, self._level, 0))
             self._solved_tick = tick
 
-    def turn(self) -> None:
+    def write_due(self) -> None:
         """Draw and write what is due."""
         now_ns = max(self._tick, 0) * 1_000_000
         for drawn in self._picture.draw(now_ns):
             self._writer.draw(*drawn)
         self._haptics.send_if_due()
         self._physics.send_if_due()
-        self._writer.turn(now_ns)
+        self._writer.end_old_chunk(now_ns)
         while self._writer.pending_bytes > _WAITING_BYTES:
             time.sleep(1e-3)
 

@@ -24,7 +24,7 @@ class Stage:
         ducts: Ducts, optional. Where its duct is kept, with those of other stages; None for those of the process.
 
     Attributes:
-        simulation: Simulation. At rest after `begin`.
+        simulation: Simulation. At rest after `begin_episode`.
         grips: Grips. Grasps of its tools.
     """
 
@@ -39,14 +39,14 @@ class Stage:
         self._ducts = ducts or OF_THIS_PROCESS
         self._shared: SharedDuct | None = None
         self._drawn: tuple[str, ...] | None = None
-        self.begin()
+        self.begin_episode()
 
     @property
     def overrides(self) -> tuple[str, ...]:
         """Present overrides of the scene."""
         return (*self._overrides, *(self._drawn or ()))
 
-    def begin(self, drawn: tuple[str, ...] = ()) -> Simulation:
+    def begin_episode(self, drawn: tuple[str, ...] = ()) -> Simulation:
         """Return the simulation at rest, with ``drawn`` as further overrides.
 
         Raises ConfigError: one sentence, if the scene is invalid.

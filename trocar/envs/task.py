@@ -174,7 +174,7 @@ class Task(gymnasium.Env[Any, Any]):
         drawn = self._randomisation.draw(self.np_random)
         asked = self._draw_task()
         named = tuple(f"{key}={value}" for key, value in asked.items())
-        simulation = self._stage.begin((*self._randomisation.overrides(drawn), *named))
+        simulation = self._stage.begin_episode((*self._randomisation.overrides(drawn), *named))
         if self._stage.duct is not before:
             self._close_camera()
         self._mouth_m = np.array(self._stage.site.mouth_m)
@@ -182,7 +182,7 @@ class Task(gymnasium.Env[Any, Any]):
         self.hands = self._new_hands()
         start = ToolInputs()
         trocar.expert(simulation).write_inputs(0.0, start)
-        self.hands.begin(start)
+        self.hands.set_start(start)
         self._view = self._new_view()
         self._episode = Episode(self._stage, self.hands, self.scenario, self._rules, self._new_path())
         self._verdict = self._episode.verdict()

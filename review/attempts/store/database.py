@@ -25,7 +25,8 @@ from trocar.services.runtime.errors import MissingPackageError, UserError
 ENVIRONMENT = "TROCAR_ATTEMPTS"
 #: How long who writes waits for others.
 PATIENCE_S = 60
-_CONNECT_S = 10  # a database that answers at all does so in less, over any network
+#: Linux sends a lost request again after 1, 3 and 7 s (RFC 6298), so that three may be lost before nobody is there.
+_CONNECT_S = 10
 #: Number of the lock in PostgreSQL: any one, as nobody else locks by number in this database.
 _LOCK = 32
 _DRIVERS = {"sqlite": {}, "postgresql": {"connect_timeout": _CONNECT_S}}

@@ -73,7 +73,7 @@ def run_latency(
         return
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     for each in taken:
-        _show(console, each, worst)
+        print_flights(console, each, worst)
 
 
 def _save(taken: Sequence[Flights], path: Path) -> None:
@@ -116,7 +116,8 @@ def _plain(taken: Flights, worst: int) -> dict[str, object]:
     }
 
 
-def _show(console: Console, taken: Flights, worst: int) -> None:
+def print_flights(console: Console, taken: Flights, worst: int) -> None:
+    """Print the worst ticks of one time, its time line, and who ran."""
     console.print(f"{taken.taken_at}  {taken.reason}", style="bold", markup=False)
     ticks = worst_ticks(taken.flights, worst, taken.threads)
     if not ticks:

@@ -7,6 +7,7 @@ not get two forces at once, nor old ones.
 
 What is answered may be late, missing or wrong. A place is believed if a hand may have reached it; otherwise the last
 stays. Without one for `SILENT_NS` the arm has a fault, and a person has to arm the rig, which opens the arm anew.
+An arm that bears no force, as it is away for a moment or its motors are off, is given none: the next rises from there.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ class ArmAnswer:
         place_m: Where the arm is, in its frame.
         problem: Why it tells no place, or must not be used.
         prompt: What a person has to do.
+        limp: Whether the arm bears no force, whatever it is given: it is away, has no power, or its motors are off.
     """
 
     asked_ns: int
@@ -56,6 +58,7 @@ class ArmAnswer:
     calibrated: bool | None = None
     problem: str = ""
     prompt: str = ""
+    limp: bool = False
 
 
 class ArmConnection(ABC):
@@ -110,7 +113,7 @@ class AskedArm(Arm):
         self._link: ArmConnection | None = None
         self._opening: BackgroundOpen[ArmConnection] | None = None
         self._roll_rad = 0.0
-        self._enabled = self._as_ordered = self._was_calibrated = False
+        self._enabled = self._as_ordered = self._was_calibrated = self._limp = False
         self._problem = self._told_prompt = ""
         self._wrote_ns = self._between_ns = 0  # the last write, and the time from the one before to it
         self._silent_ns = self._read_ns = 0  # how long reads have told nothing that was believed, and the last read
@@ -219,7 +222,7 @@ class AskedArm(Arm):
         self._link = link
         self._motion.forget_motion()
         self._force = LimitedForce(self._rate_n_s)
-        self._was_calibrated = False
+        self._was_calibrated = self._limp = False
         self._missed = 0.0
         self._problem = self._told_prompt = ""
         self._silent_ns, self._read_ns = 0, self._clock.monotonic_ns()
@@ -244,7 +247,8 @@ class AskedArm(Arm):
         if link.lost or link.outstanding:
             return False
         now_ns = self._clock.monotonic_ns()
-        given, self._as_ordered = self._force.next(force_n, now_ns)
+        given, as_wanted = self._force.next(NO_FORCE if self._limp else force_n, now_ns)
+        self._as_ordered = as_wanted and not self._limp
         link.ask_state(given, now_ns)
         return True
 
@@ -255,6 +259,7 @@ class AskedArm(Arm):
             return
         newest = answers[-1]
         self._problem, self._told_prompt, self.buttons = newest.problem, newest.prompt, newest.buttons
+        self._limp = newest.limp
         if newest.calibrated is not None:
             self.calibrated = newest.calibrated
         if newest.roll_rad is not None:

@@ -22,6 +22,7 @@ class DhdSample:
     Attributes:
         turn_rad: Turn of its handle about itself.
         angle_rad: Opening of its gripper.
+        limp: Whether it bears no force.
     """
 
     place_m: Vector3 | None
@@ -31,6 +32,7 @@ class DhdSample:
     calibrated: bool | None
     problem: str
     prompt: str
+    limp: bool
 
 
 class DhdDevice:
@@ -78,7 +80,8 @@ class DhdDevice:
         place = None if problem else (x, y, z)
         buttons = int(c.dhdGetButtonMask(handle)) & 0xFFFF
         calibrated = None if self._states is None else self._is(DhdState.CALIBRATED)
-        return DhdSample(place, self._read_turn(), self._opening(), buttons, calibrated, problem, prompt)
+        limp = bool(problem) or not self._is(DhdState.FORCE)
+        return DhdSample(place, self._read_turn(), self._opening(), buttons, calibrated, problem, prompt, limp)
 
     def _is(self, state: DhdState) -> bool:
         return bool(self._states and self._states[state] == 1)

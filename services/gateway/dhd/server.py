@@ -102,7 +102,7 @@ class DeviceServer:
         problem = self._push(trusted, grip_n if now_ns - grip_ns <= STALE_NS else 0.0)
         sample = self.device.read_sample()
         if problem and not sample.problem:
-            sample = DhdSample(None, None, None, sample.buttons, sample.calibrated, problem, sample.prompt)
+            sample = DhdSample(None, None, None, sample.buttons, sample.calibrated, problem, sample.prompt, limp=True)
         self.newest, self.newest_ns = sample, now_ns
         if self.answered < self.asked:
             self.answers.append((asked_ns, sample))
@@ -175,4 +175,4 @@ def as_answer(asked_ns: int, sample: DhdSample, roll_rad: float, shown: str, cen
         place = (x, y, z)
     problem = f"{shown} {sample.problem}" if sample.problem else ""
     prompt = f"{shown} {sample.prompt}" if sample.prompt else ""
-    return ArmAnswer(asked_ns, place, roll_rad, sample.buttons, sample.calibrated, problem, prompt)
+    return ArmAnswer(asked_ns, place, roll_rad, sample.buttons, sample.calibrated, problem, prompt, sample.limp)

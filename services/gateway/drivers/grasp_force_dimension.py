@@ -8,9 +8,10 @@ from trocar.services.gateway.devices import driver
 from trocar.services.gateway.devices.background_open import BackgroundOpen
 from trocar.services.gateway.devices.device_files import GripperFile
 from trocar.services.gateway.devices.driver import GraspHandle, HandleLimits, Place
-from trocar.services.gateway.dhd.server import DeviceServer, current_server, join_server, leave_server
+from trocar.services.gateway.dhd.server import STALE_NS, DeviceServer, current_server, join_server, leave_server
 from trocar.services.gateway.dhd.settings import DhdSettings
 from trocar.services.gateway.servo.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from trocar.services.gateway.servo.servo_law import MAX_STEP_S
 from trocar.services.gateway.servo.velocity_filter import butterworth, low_pass
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime.config.rig import DriverSettings
@@ -26,7 +27,7 @@ _PART = "gripper"
 
 
 class Driver(GraspHandle):
-    """Its torque is a force at the fingers' distance from the axis."""
+    """Its torque is a force at the fingers' distance from the axis; after a time without force it grows from none."""
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._own = driver.read_settings(DhdSettings, settings, place)
@@ -42,6 +43,7 @@ class Driver(GraspHandle):
         self._silent_ns = self._read_ns = 0
         self._filter, self._coefficients = np.zeros((2, 1)), butterworth(file.velocity_filter_hz, _PERIOD_S)
         self._rate = 0.0
+        self._rate_n_s, self._most_n, self._wrote_ns = place.force_rate_n_s, 0.0, 0
 
     def open(self) -> None:
         """Open the device, unless its arm has it open, and wait for its opening."""
@@ -84,8 +86,10 @@ class Driver(GraspHandle):
         server = self._server
         if server is None or self._opening is not None:
             return
-        force_n = torque_nm / self._file.lever_m if self._enabled else 0.0
-        server.grip(force_n if self._file.opens_with_positive_force else -force_n, self._clock.monotonic_ns())
+        now_ns = self._clock.monotonic_ns()
+        most_n = self._grow_bound(server, now_ns)
+        force_n = min(max(torque_nm / self._file.lever_m, -most_n), most_n)
+        server.grip(force_n if self._file.opens_with_positive_force else -force_n, now_ns)
 
     def close(self) -> None:
         """Leave no force, and let the device go."""
@@ -97,6 +101,17 @@ class Driver(GraspHandle):
         if server is not None:
             server.grip(0.0, self._clock.monotonic_ns())
         self._leave()
+
+    def _grow_bound(self, server: DeviceServer, now_ns: int) -> float:
+        """Return the most force: none while the device bears none, from where it grows as fast as the rig allows."""
+        passed_ns, self._wrote_ns = now_ns - self._wrote_ns, now_ns
+        is_limp = server.newest is None or server.newest.limp
+        if is_limp or not self._enabled or passed_ns > STALE_NS:
+            self._most_n = 0.0
+        else:
+            grown_n = self._most_n + self._rate_n_s * min(1e-9 * passed_ns, MAX_STEP_S)
+            self._most_n = min(grown_n, self._file.max_force_n)
+        return self._most_n
 
     def _join(self) -> DeviceServer:
         own = self._own

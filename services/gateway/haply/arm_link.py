@@ -99,12 +99,13 @@ class ArmLink(ArmConnection):
             return ArmAnswer(asked_ns, problem="Haply's service answers in another format")
         arm = told.arm(self._identity)
         if arm is None:
-            return ArmAnswer(asked_ns, problem=f"{self._shown} is not plugged in: Haply's service does not list it")
+            problem = f"{self._shown} is not plugged in: Haply's service does not list it"
+            return ArmAnswer(asked_ns, problem=problem, limp=True)
         prompt = self._hold_grip(told, asked_ns)
         roll, buttons = (None, 0) if self._grip is None else (self._grip[1].roll_rad, self._grip[1].buttons)
         problem = _find_problem(arm, self._shown)
         place = None if problem else self._place(arm)
-        return ArmAnswer(asked_ns, place, roll, buttons, arm.status.calibrated, problem, prompt)
+        return ArmAnswer(asked_ns, place, roll, buttons, arm.status.calibrated, problem, prompt, limp=bool(problem))
 
     def _hold_grip(self, told: Told, asked_ns: int) -> str:
         if self._grip is None:

@@ -62,18 +62,3 @@ def apply_corner_displacements(
             out[0][point, axis] += total
             out[1][point, axis] -= total
     moved[:count] = 0.0
-
-
-@kernel
-def interpolate_corners(
-    weights: FloatArray, address: Address[ContactCorners], rows: FloatArray, out: FloatArray
-) -> None:
-    """Interpolate rows of the modes (u, 3, r) at corners to points, ``out`` (3 k, r), by ``weights`` (k, 3)."""
-    place = corners_at(address).place
-    for point in range(weights.shape[0]):
-        for i in range(3):
-            for corner in range(3):
-                weight, row = weights[point, corner], rows[place[point, corner], i]
-                for mode in range(row.shape[0]):
-                    before = 0.0 if corner == 0 else out[3 * point + i, mode]
-                    out[3 * point + i, mode] = before + weight * row[mode]

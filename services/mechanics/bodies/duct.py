@@ -123,7 +123,7 @@ class DuctBody:
         """Add the residual displacements that `gather_kept` left out where it returned False."""
         n, count = len(nodes), self.n_loads
         loads = self.load_nodes[:count], self.load_force_n[:count]
-        self._motion.displace((nodes, weights), loads, (self.displacement_m[:n], self.motion_m[:n]))
+        self._motion.add_residual((nodes, weights), loads, (self.displacement_m[:n], self.motion_m[:n]))
 
     def add_load_displacement(
         self, nodes: IntArray, weights: FloatArray, loads: tuple[IntArray, FloatArray], out: FloatArray

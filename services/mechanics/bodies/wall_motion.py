@@ -11,19 +11,15 @@ from dataclasses import replace
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
-from trocar.services.mechanics.bodies.contact_corners import (
-    ContactCorners,
-    apply_corner_displacements,
-    interpolate_corners,
-    list_corners,
-)
-from trocar.services.mechanics.compiled import summing_kernel
+from trocar.services.mechanics.bodies.contact_corners import ContactCorners, apply_corner_displacements, list_corners
+from trocar.services.mechanics.bodies.turned_points import displace_turned, place_points, turn_along, weigh_turned
 from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.reduction.coincident_points import copy_coincident, find_sources
 from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from trocar.services.mechanics.reduction.modal_compliance import add_modal_compliance
 from trocar.services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.residual.blocks import apply
 from trocar.services.mechanics.reduction.residual.rotated_residual import RotatedResidual
 
 
@@ -53,10 +49,6 @@ class PointCompliance:
 
     def turn_along(self, nodes: IntArray, vectors: FloatArray, q: FloatArray) -> None:
         """Turn vectors (k, 3) of nodes (k,), in place, as the wall turns from the last `update` to q: it does not."""
-
-    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Call `add_residual`; see there."""
-        self.add_residual(points, loads, out)
 
     def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Add displacements by ``loads`` beyond the modes to those of points (k, 3); subtract them from the motions."""
@@ -95,12 +87,12 @@ class StraightMotion(PointCompliance):
         Displacements by ``loads`` beyond the modes are added to the former and subtracted from the latter.
         """
         if not self._kept.gather_points(points, motion, loads, out):
-            self.add_residual(points, loads, (out[1], out[2]))
+            super().add_residual(points, loads, (out[1], out[2]))
 
-    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Do as `add_residual` for points of which some nodes are not cached yet."""
+    def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Do as `PointCompliance.add_residual`."""
         if not self._kept.displace(points, loads, out):
-            self.add_residual(points, loads, out)
+            super().add_residual(points, loads, out)
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
@@ -114,16 +106,19 @@ class StraightMotion(PointCompliance):
 
 
 class TurnedMotion(PointCompliance):
-    """x of `reduction.large_rotations.warping`; ``reduced`` has its residual compliance turned along."""
+    """x of `reduction.large_rotations.warping`; ``reduced`` has its residual compliance turned along.
+
+    That is constant along the wall's own axes, so that of touched nodes is kept.
+    """
 
     def __init__(self, reduced: ReducedDuct, warp: TubeWarp, n_points: int) -> None:
         self._frame, self._end_frame = SectionFrame(warp), SectionFrame(warp)
         turned = RotatedResidual.of(reduced.residual, self._frame, n_points)
         super().__init__(replace(reduced, residual=turned), n_points)
-        self._corners_m = np.zeros((3 * n_points, 3))
-        self._no_residual_m = np.zeros((3 * n_points, 3))
-        self._residual_m = np.zeros((3 * n_points, 3))
+        self._kept, self._rotations = NodeCompliance(reduced, n_points), np.zeros((3 * n_points, 3, 3))
+        self._load_n, self._residual_m = np.zeros((6 * n_points, 3)), np.zeros((3 * n_points, 3))
         self._corner_rows = np.zeros((3 * n_points, 3, reduced.basis.n_modes))
+        self._places = self._frame.address, self._kept.address, self._corners.address
 
     def update(self, q: FloatArray) -> None:
         """Compute the sections' positions and rotations at q."""
@@ -140,26 +135,45 @@ class TurnedMotion(PointCompliance):
     def turn_along(self, nodes: IntArray, vectors: FloatArray, q: FloatArray) -> None:
         """Turn vectors (k, 3) of nodes (k,), in place, as their sections turn from the last `update` to q."""
         if len(nodes):
-            self._end_frame.update(q)
-            self._frame.turn_back(nodes, vectors, vectors)
-            self._end_frame.turn_vectors(nodes, vectors, vectors)
+            turn_along(self._frame.address, self._end_frame.address, q, nodes, vectors)
 
     def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
         """Write the same as `StraightMotion.gather`; ``motion`` is q of `update` and its change.
 
         Sections that turn carry the displacement by ``loads`` along, so it is part of the rows.
         """
-        (nodes, weights), touched = points, self._corners
-        u = list_corners(nodes, weights, self._slot, touched.address)
-        corner, residual_m = touched.node[:u], touched.displacement_m[:u]
-        self.reduced.residual.apply(loads[0], loads[1], corner, residual_m)
-        self._frame.turn_back(corner, residual_m, self._residual_m[:u])
-        self._frame.node_rows(corner, self._residual_m[:u], self._corner_rows[:u])
-        interpolate_corners(weights, touched.address, self._corner_rows, out[0])
-        corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
-        self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
-        move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)
-        apply_corner_displacements(weights, touched.address, u, (out[1], out[2]))
+        u = self._displace_corners(points, loads)
+        rows, beyond_m = self._corner_rows[:u], self._residual_m[:u]
+        self._frame.node_rows(self._corners.node[:u], beyond_m, rows)
+        place_points(self._places, points, rows, (self.reduced.mesh.vertices_m, beyond_m, motion[1]), out)
+
+    def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Do as `PointCompliance.add_residual`."""
+        u = self._displace_corners(points, loads)
+        apply_corner_displacements(points[1], self._corners.address, u, out)
+
+    def _displace_corners(self, points: Points, loads: Loads) -> int:
+        """Do as `displace_turned`, whether the corners have places or not."""
+        scratch = self._load_n, self._residual_m
+        u = int(displace_turned(self._places, points, loads, self._slot, scratch))
+        if u >= 0:
+            return u
+        touched, u = self._corners, -1 - u
+        corner, moved_m = touched.node[:u], self._residual_m[:u]
+        along_wall = loads[0], self._load_n[: len(loads[0])]
+        if not self._kept.displace_corners(points, along_wall, corner, moved_m):
+            moved_m[:] = 0.0
+            apply(self.reduced.residual.store.address, *along_wall, corner, moved_m)
+        self._frame.turn_vectors(corner, moved_m, touched.displacement_m[:u])
+        return u
+
+    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
+        """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
+        source, rotations = self._source[: len(points[0])], self._rotations[: points[0].size]
+        if not weigh_turned(self._places, points, source, rotations, out):
+            self.reduced.residual.gather_points(*points, out, source)
+        add_modal_compliance(rows, gain, self._scaled_modes, out, source)
+        copy_coincident(source, out)
 
     def position_function(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
         """Return a function for the positions (k, 3) in m of ``nodes`` (k,) without contact loads, as last updated."""
@@ -175,18 +189,3 @@ class TurnedMotion(PointCompliance):
 def wall_motion(reduced: ReducedDuct, n_points: int) -> StraightMotion | TurnedMotion:
     """Return the motion model of a duct for up to ``n_points`` contact points."""
     return StraightMotion(reduced, n_points) if reduced.warp is None else TurnedMotion(reduced, reduced.warp, n_points)
-
-
-@summing_kernel
-def move_points(points: Points, rest: FloatArray, corners: FloatArray, dq: FloatArray, out: PointRows) -> None:
-    """Write displacements of points, (nodes (3 k,), weights (k, 3)), with corners (3 k, 3), and their motions by dq."""
-    (nodes, weights), (rows, displacement, motion) = points, out
-    for point in range(weights.shape[0]):
-        for axis in range(3):
-            total, change = 0.0, 0.0
-            for corner in range(3):
-                moved = corners[3 * point + corner, axis] - rest[nodes[3 * point + corner], axis]
-                total += weights[point, corner] * moved
-            for mode in range(dq.shape[0]):
-                change += rows[3 * point + axis, mode] * dq[mode]
-            displacement[point, axis], motion[point, axis] = total, change

@@ -13,7 +13,7 @@ from trocar.services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
-from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce
+from trocar.services.mechanics.reduction.nonlinear.membrane_polynomial import MembranePolynomial
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN
 from trocar.services.mechanics.reduction.softened_wall.pattern_change import change_pattern
 from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
@@ -59,7 +59,7 @@ class WallTerms:
     def __init__(self, duct: DuctBody) -> None:
         self._duct, n_modes = duct, duct.reduced.basis.n_modes
         self.samples: StretchSamples | None = None
-        self.polynomial: CubicForce | None = None
+        self.polynomial: MembranePolynomial | None = None
         self.softened: SoftenedWall | None = None
         self._step: WallStep | None = None
         self._held, self._held_lagging = np.zeros((2, n_modes))

@@ -13,7 +13,7 @@ from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Struct, reader
 from trocar.services.mechanics.compiled.vectors import Vector, put_row
 
-NO_TOOL = -1
+NO_TOOL = -1  # in the place of the number of a tool, which is at least 0
 SHAFT, JAW_A, JAW_B = 0, 1, 2
 DUCT_TRIANGLE, CATHETER_SEGMENT = 0, 1
 

@@ -10,7 +10,7 @@ from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.vectors import Vector, put_row_of, row
 from trocar.services.mechanics.scene.tools import N_TOOLS
 
-#: Pieces of tools come first: three of each.
+#: Pieces of tools come first: three of each, as it has a shaft and two jaws.
 N_TOOL_PIECES = 3 * N_TOOLS
 
 

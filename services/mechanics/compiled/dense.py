@@ -7,7 +7,8 @@ from trocar.services.mechanics.compiled import kernel, summing_kernel
 
 #: Columns of a panel. The trailing matrix is loaded and stored once for each panel, not once for each column.
 PANEL = 4
-#: Least fraction of a column's squares that its pivot has: swaps are rare, and rounding errors hardly grow.
+#: Least fraction of a column's squares that its pivot has: swaps are rare, and as no multiplier is above 10, the square
+#: root of its inverse, rounding errors hardly grow.
 THRESHOLD = 0.01
 
 

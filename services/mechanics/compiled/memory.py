@@ -99,7 +99,7 @@ def copy_rows_of_arrays(table: LongArray, count: int) -> None:
 
 
 PAGE_WORDS = 512
-"""Numbers of 8 bytes in a page of memory."""
+"""Numbers of 8 bytes in the smallest page of Linux, 4 KiB: larger ones are then touched several times."""
 
 
 class SavedPages:

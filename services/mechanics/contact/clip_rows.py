@@ -158,7 +158,10 @@ def follow_clip(
 
 @kernel
 def _common_n(state: ContactState, clip: Clip, of_tools: bool) -> float:
-    """Return the normal force (N) that both sides under the clip have in common: of the catheter's wall, or of jaws."""
+    """Return the normal force (N) that both sides under the clip have in common: of the catheter's wall, or of jaws.
+
+    A score takes it from frames by the same rule: `trocar.services.training.situation.Loads.sides`.
+    """
     rows, total, net = state.rows, 0.0, (0.0, 0.0, 0.0)
     middle = between(vector(clip.place_m, 0), vector(clip.place_m, 1), 0.5)
     for row in range(rows.n_contacts):

@@ -23,8 +23,6 @@ from trocar.services.mechanics.surface.cross_section import (
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.world import World
 
-REACH_RADII = 2.0
-"""Of the duct: what touches it within so many radii from the clip's middle is under the clip."""
 _LEG_HIGH_M, _ENDS_M = 0.8e-3, 2e-3
 """Of a leg in the picture: its height, and how much longer it is than half the circumference; assumptions."""
 
@@ -88,7 +86,7 @@ class ClipEffect(Effect):
             towards=np.stack([away, -away]),
             inward=section.inward.copy(),
             row=np.full(N_LEGS, -1, np.int32),
-            reach_m=REACH_RADII * section.radius_m,
+            reach_m=section.reach_m,
             closing_n=settings.closing_force_n,
             rate_n_s=settings.closing_force_n / settings.closing_time_s,
             is_closed=settings.closes == "at_start",
@@ -110,7 +108,7 @@ class ClipEffect(Effect):
     def place_m(self, mesh: TriangleMesh) -> FloatArray:
         """Return the middle of the clip, its reach, and the direction of the duct there."""
         section = _section(mesh, self.settings)
-        return np.concatenate([section.middle_m, [REACH_RADII * section.radius_m], section.inward])
+        return np.concatenate([section.middle_m, [section.reach_m], section.inward])
 
     def bars(self, mesh: TriangleMesh) -> tuple[WallBar, ...]:
         """Return both legs, as long as the duct is wide when it is pressed flat."""

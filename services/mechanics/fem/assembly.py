@@ -20,7 +20,7 @@ BENDING_DOFS = np.array([2, 3, 4, 8, 9, 10, 14, 15, 16])
 """Where the nine dofs of each part lie among the 18 local ones (u, v, w, theta_x, theta_y, theta_z per node)."""
 
 CHUNK = 8192
-"""Triangles whose 18 x 18 matrices exist at the same time (21 MB)."""
+"""Triangles whose 18 x 18 matrices exist at the same time: so many that they take 21 MB, whatever the mesh."""
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,9 @@ __all__ = ["ElementChoice", "ShellModel", "StaticSolution"]
 RESIDUAL_LIMIT = 1e-8
 """A static solution with a larger residual is refined, and refused if that does not heal it."""
 CONDITION_LIMIT = 1e12
-"""Beyond it modes and load factors, which nothing refines, would be wrong in the fourth digit."""
+"""As doubles are rounded by 1e-16, modes and load factors, which nothing refines, are wrong in the fourth digit."""
 PENALTY = 1e8
-"""The paper's "large number" on the held diagonal entries; larger loses digits in the factorisation."""
+"""The paper's "large number" on the held diagonal entries; beyond it the factorisation loses digits."""
 
 
 @dataclass(frozen=True)

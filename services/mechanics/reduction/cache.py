@@ -4,10 +4,15 @@ An entry is a folder of ``.npy`` arrays, a ``manifest.json`` and ``hashes`` of b
 renamed into it, so a reader sees all of it or nothing; a lock file keeps processes that start together from making
 the same entry twice. Nothing is pickled. What is not as it was written when it is fetched is made anew, and so is what
 others can change: the hashes lie beside the data, so whoever changes one can change the other.
+
+Other code makes entries of other names (`content_hash.entry_name`). Those of a kind that no run has used for long are
+removed when one of that kind is made.
 """
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import fcntl
 import hashlib
 import json
@@ -15,13 +20,14 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar, get_type_hints
 
 import numpy as np
 
-from trocar.services.files.cache_directory import discard, fault_in, make_folders
+from trocar.services.files.cache_directory import cache_directory, discard, fault_in, forget_unused, make_folders
+
+T = TypeVar("T")
 
 MANIFEST = "manifest.json"
 _HASHES = "hashes"
@@ -97,7 +103,44 @@ def fetch(cache_dir: Path, name: str, make: Callable[[Entry], None]) -> Entry:
             if fault := _fault(folder):
                 discard(folder, fault)  # a process that has mapped it keeps what it has
                 _make_atomically(folder, make)
+                forget_unused(cache_dir.glob(f"{name.partition('-')[0]}-*"))
+    with contextlib.suppress(OSError):  # a cache that is only read
+        os.utime(folder)
     return Entry(folder)
+
+
+def fetch_record(cache_dir: Path | None, name: str, kind: type[T], make: Callable[[], T], **facts: Any) -> T:
+    """Return a record that ``make`` makes where the cache has none: a dataclass of arrays, integers, and such records.
+
+    ``facts`` are for the manifest.
+    """
+
+    def fill(entry: Entry) -> None:
+        _save_record(entry, "", make())
+        entry.describe(**facts)
+
+    record: T = _load_record(fetch(cache_dir or cache_directory(), name, fill), "", kind)
+    return record
+
+
+def _save_record(entry: Entry, prefix: str, record: Any) -> None:
+    for field in dataclasses.fields(record):
+        value = getattr(record, field.name)
+        if dataclasses.is_dataclass(value):
+            _save_record(entry, f"{prefix}{field.name}.", value)
+        else:
+            entry.save(prefix + field.name, np.asarray(value))
+
+
+def _load_record(entry: Entry, prefix: str, kind: Any) -> Any:
+    values: dict[str, Any] = {}
+    for name, each in get_type_hints(kind).items():
+        if dataclasses.is_dataclass(each):
+            values[name] = _load_record(entry, f"{prefix}{name}.", each)
+        else:
+            array = entry.load(prefix + name)
+            values[name] = int(array) if each is int else array
+    return kind(**values)
 
 
 def _make_atomically(folder: Path, make: Callable[[Entry], None]) -> None:
@@ -130,7 +173,7 @@ def _hashes(folder: Path) -> str:
     return "".join(lines)
 
 
-@contextmanager
+@contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
     with path.open("w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

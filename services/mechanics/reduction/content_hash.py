@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from trocar.services.kernels.source_closure import own_sources
 
 
 def hash_content(*values: object) -> str:
@@ -22,13 +23,14 @@ def hash_content(*values: object) -> str:
     return digest.hexdigest()
 
 
-def hash_sources(*places: Path) -> str:
-    """Return the hash of Python files and of all in and below folders, so that changed code does not meet old results.
+def entry_name(kind: str, modules: str | tuple[str, ...], *content: object) -> str:
+    """Return the name of an entry of the cache: its kind, and a hash of its content and of the code that makes it.
 
-    Raises FileNotFoundError if a file that is named is not there.
+    ``modules`` are those that make it. With all of ours that they import, directly or not, they are the code, so that
+    changed code never meets old results.
     """
-    files = sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else (place,)))
-    return hash_content([path.read_bytes() for path in files])
+    own = (modules,) if isinstance(modules, str) else modules
+    return f"{kind}-{hash_content(*content, [own_sources().digest(module) for module in own])}"
 
 
 def _feed(digest: hashlib.blake2b, value: Any) -> None:

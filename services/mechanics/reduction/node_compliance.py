@@ -5,8 +5,8 @@ contact points is B C B^T with the barycentric weights B, and most blocks of C a
 row of residual blocks, scattered over 36 n^2 bytes, and r products a block.
 
 The cache depends on the pair of nodes only, not on its own history: C of the same nodes is the same to the last bit.
-That holds while the modes are those of the undeformed wall. Sections that turn carry the modes along, so a wall with
-large rotations has no cache (`bodies.wall_motion`).
+That holds while the modes are those of the undeformed wall. Sections that turn carry the modes along, so of a wall with
+large rotations only the residual is kept, along the wall's own axes, and turned with the points (`bodies.wall_motion`).
 
 What loads move points by and W are sums of the same numbers, the residual in single precision as it is stored: steady
 forces then move nothing. With W rounded to single precision what sticks crept by 30 nm a second at 10 kHz.
@@ -22,6 +22,7 @@ from trocar.services.mechanics.arrays import BoolArray, Float32Array, FloatArray
 from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.reduction.basis import gather_modes
+from trocar.services.mechanics.reduction.coincident_points import is_copied
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
 from trocar.services.mechanics.reduction.touched_nodes import (
@@ -106,6 +107,18 @@ class NodeCompliance:
         """
         return bool(weigh_blocks(self._arrays.address, points, gain, out))
 
+    def displace_corners(self, points: Points, loads: Loads, corners: IntArray, out: FloatArray) -> bool:
+        """Write what ``loads`` move the nodes of points, ``corners`` (u,), by beyond the modes: (u, 3) in m.
+
+        All along the wall's own axes. False, and nothing written, where a node finds no place.
+        """
+        address = self._arrays.address
+        if displace_corners(address, points, loads, corners, out):
+            return True
+        if not admit_nodes(address, self._store.address, points, loads):
+            return False
+        return bool(displace_corners(address, points, loads, corners, out))
+
 
 @kernel
 def displace_points(
@@ -143,7 +156,24 @@ def _displace_points(kept: NodeArrays, points: Points, loads: Loads, out: tuple[
     return True
 
 
-@inlined_kernel
+@kernel
+def displace_corners(
+    address: Address[NodeArrays], points: Points, loads: Loads, corners: IntArray, out: FloatArray
+) -> bool:
+    """Write the residual displacements of the corners and return True, or return False where a node has no place."""
+    kept = arrays_at(address)
+    begin_tick(kept.touched)
+    if not _touch_all(kept.touched, points, loads):
+        return False
+    _move_nodes(kept, loads)
+    for corner in range(corners.shape[0]):
+        first = 3 * kept.touched.place[corners[corner]]
+        for axis in range(3):
+            out[corner, axis] = kept.moved[first + axis]
+    return True
+
+
+@kernel
 def _touch_all(touched: TouchedNodes, points: Points, loads: Loads) -> bool:
     (nodes, weights), has_all = points, True
     for point in range(nodes.shape[0]):
@@ -155,7 +185,7 @@ def _touch_all(touched: TouchedNodes, points: Points, loads: Loads) -> bool:
     return has_all
 
 
-@inlined_kernel
+@kernel
 def _move_nodes(kept: NodeArrays, loads: Loads) -> None:
     """Write what loads move all the nodes by that have a place; those without a node hold numbers without meaning."""
     nodes, force = loads
@@ -248,6 +278,64 @@ def _weigh_rows(kept: NodeArrays, point: int, weights: FloatArray) -> None:
     for i in range(3):
         for column in range(3 * kept.touched.extent):
             rows[i, column] = u * whole[p + i, column] + v * whole[q + i, column] + w * whole[r + i, column]
+
+
+@kernel
+def weigh_turned_blocks(
+    address: Address[NodeArrays], points: Points, rotations: FloatArray, out: FloatArray, source: IntArray
+) -> bool:
+    """Write B Q R Q^T B^T into the lower blocks of ``out`` and return True, or return False where a node has no place.
+
+    ``rotations`` (3 k, 3, 3) are Q of the corners; blocks that ``source`` (k,) says are copies are left out.
+    """
+    kept, (nodes, weights), place = arrays_at(address), points, arrays_at(address).touched.place
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            if weights[point, corner] != 0.0 and place[nodes[point, corner]] == NO_PLACE:
+                return False
+    for a in range(nodes.shape[0]):
+        _weigh_turned_rows(kept, a, points, rotations)
+        for b in range(a + 1):
+            if not is_copied(source, a, b):
+                _turn_block(kept, b, points, rotations, out[3 * a :, 3 * b :])
+    return True
+
+
+@kernel
+def _weigh_turned_rows(kept: NodeArrays, point: int, points: Points, rotations: FloatArray) -> None:
+    """Write B Q R between a point and all places into ``rows``."""
+    (nodes, weights), residual, rows = points, kept.residual, kept.rows
+    for i in range(3):
+        for column in range(3 * kept.touched.extent):
+            rows[i, column] = 0.0
+    for corner in range(3):
+        weight, Q = weights[point, corner], rotations[3 * point + corner]
+        if weight == 0.0:
+            continue
+        first = 3 * kept.touched.place[nodes[point, corner]]
+        for i in range(3):
+            x, y, z = weight * Q[i, 0], weight * Q[i, 1], weight * Q[i, 2]
+            for column in range(3 * kept.touched.extent):
+                more = x * residual[first, column] + y * residual[first + 1, column] + z * residual[first + 2, column]
+                rows[i, column] += more
+
+
+@kernel
+def _turn_block(kept: NodeArrays, point: int, points: Points, rotations: FloatArray, out: FloatArray) -> None:
+    """Write ``rows`` Q^T B^T of a point over the first block of ``out``."""
+    (nodes, weights), rows = points, kept.rows
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = 0.0
+    for corner in range(3):
+        weight, Q = weights[point, corner], rotations[3 * point + corner]
+        if weight == 0.0:
+            continue
+        first = 3 * kept.touched.place[nodes[point, corner]]
+        for i in range(3):
+            x, y, z = weight * rows[i, first], weight * rows[i, first + 1], weight * rows[i, first + 2]
+            for j in range(3):
+                out[i, j] += x * Q[j, 0] + y * Q[j, 1] + z * Q[j, 2]
 
 
 @inlined_kernel

@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
-from trocar.services.mechanics import fem
 from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
 from trocar.services.mechanics.reduction.build import full_residual_bytes
-from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.reduction.content_hash import hash_content
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 
-MIB = 2**20
+MIB = 2**20  # bytes, by IEC 80000-13
 SMALL_BYTES = 96 * MIB
 """A block between all pairs of up to so much (1,671 nodes) is read without turning it."""
-FORMAT = 1
-"""Raised when what is stored, or how it is computed from a model, changes; the elements' code is hashed itself."""
-
-_HERE = Path(__file__).parent
-LOCAL_SOURCES = tuple(_HERE / name for name in ("residual_vectors.py", "local_modes.py", "softening/load_sites.py"))
-STRETCH_SOURCES = tuple(
-    _HERE / name for name in ("residual_vectors.py", "hyperelastic/stretch_loads.py", "large_rotations/sections.py")
-)
-"""What further modes follow from beside the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +63,6 @@ class DuctRecipe:
         return ShellModel(self.mesh, self.section, self.supports, self.elements)
 
     def key(self) -> str:
-        """Return the name of the modes: a hash of everything they follow from, the elements' code included."""
+        """Return a hash of everything that the modes follow from, beside the code."""
         inputs = (self.mesh, self.section, self.supports, self.n_modes, self.elements)
-        local = (self.n_local_modes, hash_sources(*LOCAL_SOURCES)) if self.n_local_modes else ()
-        stretch = (hash_sources(*STRETCH_SOURCES),) if self.stretch_modes else ()
-        return hash_content(*inputs, FORMAT, hash_sources(Path(fem.__file__).parent), *local, *stretch)
+        return hash_content(*inputs, self.n_local_modes, self.stretch_modes)

@@ -13,7 +13,7 @@ from trocar.services.mechanics.fem import ShellModel
 from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, build_basis, fill_full_residual, ignore_progress
-from trocar.services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import with_stretch_modes
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -23,12 +23,6 @@ from trocar.services.mechanics.reduction.residual.patch_error import PatchError,
 from trocar.services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
 from trocar.services.mechanics.reduction.residual_vectors import whole_pairs
 from trocar.services.mechanics.surface.cyclic_symmetry import CyclicSymmetry, find_cyclic_symmetry
-
-CYCLIC_FORMAT = 1
-"""Raised when the blocks of a sector change."""
-PATCH_FORMAT = 4
-"""Raised when patches of the residual change: since 2 with an exact near field, since 3 with their error, since 4 by
-levels where they are exact."""
 
 ADDED_DAMPING_RATIO = 1.0
 """At least, of residual vectors: a step does not resolve them, and what they take the place of had no mass."""
@@ -51,7 +45,7 @@ def reduce_duct(
     """
     folder = cache_dir or cache_directory()
     maker = _Maker(recipe, progress)
-    entry = cache.fetch(folder, f"basis-{recipe.key()}", maker.make_basis)
+    entry = cache.fetch(folder, entry_name("basis", __name__, recipe.key()), maker.make_basis)
     basis = ModalBasis.from_modes(entry.load("omega"), entry.load("phi"))
     residual, error = _fetch_residual(folder, maker, basis)
     ratio = np.broadcast_to(np.asarray(damping_ratio, np.float64), (basis.n_modes,)).copy()
@@ -84,8 +78,8 @@ def fetch_residual_displacement(
         progress("rest shape", 1.0)
 
     folder = cache_dir or cache_directory()
-    entry = cache.fetch(folder, f"rest-{hash_content(basis.content_hash, recipe.key(), load_n)}", solve)
-    return entry.load("displacement")
+    name = entry_name("rest", __name__, basis.content_hash, recipe.key(), load_n)
+    return cache.fetch(folder, name, solve).load("displacement")
 
 
 def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> tuple[Residual, PatchError | None]:
@@ -94,17 +88,17 @@ def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> tuple[Res
     if kind == "none":
         return Residual.none(basis.n_nodes), None
     if kind == "full":
-        name = f"residual-{hash_content(basis.content_hash, kind)}"
+        name = entry_name("residual", __name__, basis.content_hash, kind)
         entry = cache.fetch(folder, name, partial(maker.make_full_residual, basis))
         return Residual.full(entry.share("blocks")), None
     if kind == "cyclic":
         if symmetry is None:
             raise ValueError("residual: cyclic needs a mesh whose parts are copies of each other, turned about x")
-        name = f"residual-{hash_content(basis.content_hash, kind, CYCLIC_FORMAT)}"
+        name = entry_name("residual", __name__, basis.content_hash, kind)
         entry = cache.fetch(folder, name, partial(maker.make_cyclic, basis, symmetry))
         return Residual.cyclic(symmetry, entry.share("blocks"), entry.load("odd")), None
     size = choice.patch_radius_m or choice.budget_bytes
-    name = f"residual-{hash_content(basis.content_hash, kind, size, PATCH_FORMAT)}"
+    name = entry_name("residual", __name__, basis.content_hash, kind, size)
     entry = cache.fetch(folder, name, partial(maker.make_patches, basis))
     patches = Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.share("blocks"))
     return patches, PatchError(entry.facts["error_kept"], entry.facts["error_dropped"])

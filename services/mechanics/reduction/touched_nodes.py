@@ -16,7 +16,7 @@ from trocar.services.mechanics.compiled.struct import Struct
 
 N_PLACES = 128
 KEPT_TICKS = 64
-NO_PLACE = -1
+NO_PLACE = -1  # in the place of a number that is at least 0
 
 
 class TouchedNodes(Struct):

@@ -11,9 +11,9 @@ import numpy as np
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
 
-HALF_BANDWIDTH = 8
+HALF_BANDWIDTH = 3 * 2 + 2  # three coordinates of each of two others, and the other two of its own, as most
 RHS_BLOCK = 16  # right-hand sides that are solved together, a few vector registers each
-_WIDTH = HALF_BANDWIDTH + 1
+_WIDTH = HALF_BANDWIDTH + 1  # of what is stored of a column: the diagonal, and what is below
 
 
 def empty_columns(n_dofs: int) -> FloatArray:

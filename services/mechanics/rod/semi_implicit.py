@@ -76,7 +76,7 @@ class SemiImplicitIntegrator(StepGains):
         motion = (state.position_m, state.velocity_m_s)
         step = (dt_s, self.substeps(dt_s))
         addresses = (self.model.address, self.work.address)
-        if not _predict(addresses, motion, external_force_n, self.held_target_m, step):
+        if not take_substeps(addresses, motion, external_force_n, self.held_target_m, step):
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
@@ -96,7 +96,7 @@ class SemiImplicitIntegrator(StepGains):
 
 
 @kernel
-def _predict(
+def take_substeps(
     addresses: Addresses, motion: Motion, external: FloatArray, target: FloatArray, step: tuple[float, int]
 ) -> bool:
     """Take all substeps; return False if a number is not finite."""

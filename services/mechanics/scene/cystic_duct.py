@@ -17,7 +17,7 @@ PINA = "Pina et al., The Surgery Journal 1:e23 (2015), doi 10.1055/s-0035-156787
 SPIRAL = 0.5
 """Share of the length, towards the gallbladder, that has folds (pars spiralis); the rest is smooth (pars glabra)."""
 _CLOSEST_M = 2e-3
-"""Assumption: turns of a fold that is the wall laid double, and the lumen between them, need so much each."""
+"""Assumption: folds that are the wall laid double, and the lumen between them, need so much each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,8 +27,9 @@ class CysticDuctScene:
     What is not said is drawn by the ``seed`` within the ranges of `RANGES`; without a seed it is their usual value.
     Widths are those of the lumen. ``course`` is straight, "s" or "alpha", which makes a loop. ``turn_rad`` is how far
     the direction of an S swings. ``take_off_rad`` is the angle between the cystic duct and the common duct above their
-    junction. ``folds`` is the number of turns of the fold (valves of Heister) in the half towards the gallbladder, 0
-    for none; ``fold_height`` its share of the lumen's radius there. The fold is the wall's own: it is thrown into it.
+    junction. ``folds`` is the number of crescents (valves of Heister) in the half towards the gallbladder, 0 for none;
+    ``fold_height`` their share of the lumen's radius there, ``fold_side_rad`` on which side of the lumen the first
+    lies. Folds are the wall's own: they are thrown into it.
     """
 
     seed: int | None = None
@@ -42,6 +43,7 @@ class CysticDuctScene:
     common_length_m: float = 30e-3
     folds: int | None = None
     fold_height: float | None = None
+    fold_side_rad: float | None = None
 
 
 RANGES: dict[str, SourcedValue] = {
@@ -55,12 +57,13 @@ RANGES: dict[str, SourcedValue] = {
     "common_width_m": assumed_value(6e-3, 5e-3, 8e-3, "assumption; wider than the cystic duct"),
     "folds": SourcedValue(6.0, 4.0, 10.0, f"4 to 10 in the half towards the gallbladder: {COMMON_VEIN}"),
     "fold_height": assumed_value(
-        0.55,
-        0.4,
         0.7,
+        0.5,
+        0.85,
         "assumption; no figure found. Below 0.52 a 5 Fr catheter passes the usual width without touching a fold, and "
         f"folds are known to stop it: {CAO}; {PINA}",
     ),
+    "fold_side_rad": assumed_value(0.0, -3.1416, 3.1416, "assumption: any side"),
 }
 COURSES: dict[Course, float] = {"straight": 0.75, "s": 0.15, "alpha": 0.10}
 """Shares of the courses: 85 % run in a line with variants S and alpha (Cao et al.), whose shares are assumptions."""
@@ -82,7 +85,7 @@ def drawn_cystic_duct(cystic: CysticDuctScene) -> CysticDuctScene:
 
 
 def most_folds(length_m: float) -> int:
-    """Return how many turns of a fold have room in a duct of this length."""
+    """Return how many folds have room in a duct of this length."""
     return int(SPIRAL * length_m / _CLOSEST_M + 1e-6)
 
 

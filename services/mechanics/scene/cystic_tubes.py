@@ -17,6 +17,8 @@ _MARGIN_M = 5e-3
 """Without folds behind the mouth, where the wall was cut and is held."""
 _FOLD_WIDTH = 1.25
 """Of the wall: width of a fold at half its height. It is the wall laid double, so not much thinner than the wall."""
+_FOLD_ARC_RAD = 4.0 / 3.0 * math.pi
+"""Assumption: how far a crescent reaches round the lumen, two thirds; half of it is higher than half its height."""
 _LOOP = 0.8
 """Share of an alpha's length that loops."""
 _CLEAR = 4.2
@@ -74,13 +76,16 @@ def _folds(duct: CysticDuctScene, thickness_m: float) -> Folds | None:
     assert duct.width_m is not None
     assert duct.end_width_m is not None
     assert duct.fold_height is not None
+    assert duct.fold_side_rad is not None
     if not duct.folds:
         return None
     end_m = SPIRAL * duct.length_m + _MARGIN_M
     pitch_m = (end_m - _MARGIN_M) / duct.folds
     at_m, widths_m = np.array([_MARGIN_M, end_m]), [duct.width_m, duct.end_width_m]
     begin, end = 0.5 * duct.fold_height * np.interp(at_m, [0.0, duct.length_m], widths_m)
-    return Folds(_MARGIN_M, end_m, pitch_m, float(begin), float(end), min(_FOLD_WIDTH * thickness_m, 0.5 * pitch_m))
+    width_m = min(_FOLD_WIDTH * thickness_m, math.pi / _FOLD_ARC_RAD * pitch_m)  # half a turn of their line
+    begin_rad = duct.fold_side_rad - 0.5 * _FOLD_ARC_RAD
+    return Folds(_MARGIN_M, end_m, pitch_m, float(begin), float(end), width_m, _FOLD_ARC_RAD, begin_rad)
 
 
 def _common_duct(duct: CysticDuctScene, thickness_m: float, points_m: FloatArray, cystic_m: float) -> Tube:

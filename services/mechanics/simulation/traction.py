@@ -10,14 +10,11 @@ import numpy as np
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.build import Progress
-from trocar.services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.scene.duct_recipe import MOUTH
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import mouth_opening
-
-FORMAT = 1
-"""Raised when the way of pulling changes."""
 
 
 def pulled_recipe(recipe: DuctRecipe, traction_n: float, cache_dir: Path | None, progress: Progress) -> DuctRecipe:
@@ -39,6 +36,6 @@ def pulled_recipe(recipe: DuctRecipe, traction_n: float, cache_dir: Path | None,
         entry.describe(stiffness_n_m=stiffness_n_m, kind="pulled")
         progress("rest shape", 1.0)
 
-    name = f"pulled-{hash_content(recipe.key(), traction_n, FORMAT)}"
+    name = entry_name("pulled", __name__, recipe.key(), traction_n)
     vertices_m = cache.fetch(cache_dir or cache_directory(), name, solve).load("vertices_m")
     return replace(recipe, mesh=TriangleMesh(vertices_m, recipe.mesh.triangles, recipe.mesh.vertex_sets))

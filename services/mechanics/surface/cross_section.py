@@ -14,6 +14,8 @@ _BAND_EDGES = 1.0
 """Half the width, in mean edges, of the bands of the surface whose middles are taken."""
 _ALONG = 0.9
 """Cosine to the duct's axis beyond which a direction says nothing of what is across the duct."""
+_REACH_RADII = 2.0
+"""From a section's middle: as all around it is one radius away, so far needs another part of the duct."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,11 @@ class CrossSection:
     middle_m: FloatArray
     inward: FloatArray
     radius_m: float
+
+    @property
+    def reach_m(self) -> float:
+        """Distance from the middle within which the wall is of this part of the duct."""
+        return _REACH_RADII * self.radius_m
 
     def across(self, direction: tuple[float, float, float]) -> FloatArray:
         """Return the unit vector (3,) across the duct that is nearest to a direction, which must not be zero.

@@ -21,14 +21,16 @@ _NEAREST = 4
 
 @dataclass(frozen=True)
 class Folds:
-    """A fold that winds round a lumen as a screw thread does.
+    """Crescents of a lumen, each oblique, one behind the other along a line that winds round as a screw thread does.
 
     Attributes:
-        from_m, to_m: Where on the axis it begins and ends; it rises and falls over half a turn.
-        pitch_m: Distance of one turn from the next.
-        height_m, end_height_m: By how much it narrows the radius where it begins, and where it ends.
-        width_m: Along the axis, where it has half its height.
-        is_left: It turns the other way.
+        from_m, to_m: Where on the axis the first begins and the last ends.
+        pitch_m: Distance of one from the next along the axis.
+        height_m, end_height_m: By how much they narrow the radius at most, where the first begins and the last ends.
+        width_m: Along the axis, where they have half their height.
+        arc_rad: How far each reaches round the axis; its height rises from 0 and falls to 0 over it.
+        begin_rad: Where round the axis the first begins.
+        is_left: They wind the other way.
     """
 
     from_m: float
@@ -37,18 +39,22 @@ class Folds:
     height_m: float
     end_height_m: float
     width_m: float
+    arc_rad: float
+    begin_rad: float = 0.0
     is_left: bool = False
 
     def inward_m(self, at_m: FloatArray, around_rad: FloatArray) -> FloatArray:
-        """Return how far the fold reaches into the lumen (n,) at places along and angles round the axis."""
-        sign = -1.0 if self.is_left else 1.0
-        phase = np.mod((at_m - self.from_m) / self.pitch_m - sign * around_rad / (2.0 * np.pi), 1.0)
-        off_m = self.pitch_m * np.minimum(phase, 1.0 - phase)
+        """Return how far the folds reach into the lumen (n,) at places along and angles round the axis."""
+        lead_m = self.pitch_m * 2.0 * np.pi / self.arc_rad
+        turned = (-1.0 if self.is_left else 1.0) * (around_rad - self.begin_rad) / (2.0 * np.pi)
+        turns = turned + np.round((at_m - self.from_m) / lead_m - turned)  # of the line, where it is nearest
+        off_m = at_m - self.from_m - lead_m * turns
         ridge = np.exp(-math.log(2.0) * (2.0 * off_m / self.width_m) ** 2)
-        rise = 0.5 * self.pitch_m
-        inside = np.clip((at_m - self.from_m) / rise, 0.0, 1.0) * np.clip((self.to_m - at_m) / rise, 0.0, 1.0)
+        along = lead_m * turns / self.pitch_m  # in crescents
+        is_there = (along > 0.0) & (along < (self.to_m - self.from_m) / self.pitch_m)
+        crescent = np.where(is_there, np.sin(np.pi * along) ** 2, 0.0)
         height_m = np.interp(at_m, (self.from_m, self.to_m), (self.height_m, self.end_height_m))
-        inward: FloatArray = height_m * ridge * inside
+        inward: FloatArray = height_m * ridge * crescent
         return inward
 
 

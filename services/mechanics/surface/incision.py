@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from trocar.services.mechanics.surface.cross_section import pierced_m, section_behind_mouth
+from trocar.services.mechanics.surface.cross_section import CrossSection, pierced_m, section_behind_mouth
 from trocar.services.mechanics.surface.mesh import TriangleMesh, edge_of_half_edges
 from trocar.services.mechanics.surface.refining import refine
 
@@ -31,8 +31,6 @@ _NEAR = 0.35
 """Share of an edge: an end so near to the arc is moved to it."""
 _RECEDES = 1.5
 """Of the width of the gap: how far from it the wall is still drawn aside; its vertices keep their order."""
-_REACH_RADII = 2.0
-"""From the middle of the cut section: what is farther is another part of the duct."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,38 +51,35 @@ class _Arc:
     """Where the cut runs: in the plane across the duct, to both sides of the front.
 
     Attributes:
-        middle_m, inward, front, side: (3,) float64. Middle of the section, and unit vectors: along the duct, to the
-            front, and across both.
-        radius_m: float. Of the section.
+        section: CrossSection. Where the plane lies.
+        front, side: (3,) float64. Unit vectors across the duct: to the front, and across it and the duct.
         half_rad: float. Half the angle that is cut.
         ends_m: (2, 3) float64. On the surface.
     """
 
-    middle_m: FloatArray
-    inward: FloatArray
+    section: CrossSection
     front: FloatArray
     side: FloatArray
-    radius_m: float
     half_rad: float
     ends_m: FloatArray
 
     def along_m(self, points_m: FloatArray) -> FloatArray:
         """Return how far points (n, 3) lie beyond the plane of the cut."""
-        along: FloatArray = (points_m - self.middle_m) @ self.inward
+        along: FloatArray = (points_m - self.section.middle_m) @ self.section.inward
         return along
 
     def off_front_rad(self, points_m: FloatArray) -> FloatArray:
         """Return the angle (n,) of points (n, 3) from the front, 0 to pi; infinite for those of other parts."""
-        away = points_m - self.middle_m
+        away = points_m - self.section.middle_m
         angle = np.abs(np.arctan2(away @ self.side, away @ self.front))
-        is_far = np.linalg.norm(away, axis=1) > _REACH_RADII * self.radius_m
+        is_far = np.linalg.norm(away, axis=1) > self.section.reach_m
         found: FloatArray = np.where(is_far, np.inf, angle)
         return found
 
     @property
     def length_m(self) -> float:
         """Length of the cut round the duct."""
-        return 2.0 * self.half_rad * self.radius_m
+        return 2.0 * self.half_rad * self.section.radius_m
 
 
 def incise(mesh: TriangleMesh, cut: Incision) -> TriangleMesh:
@@ -146,13 +141,14 @@ def _arc(mesh: TriangleMesh, cut: Incision) -> _Arc:
         if end is None:
             raise ValueError("at_m: the duct has no wall all round there, it is cut open already")
         ends.append(end.place_m)
-    return _Arc(section.middle_m, section.inward, front, side, section.radius_m, half_rad, np.array(ends))
+    return _Arc(section, front, side, half_rad, np.array(ends))
 
 
 def _distance_m(arc: _Arc, points_m: FloatArray) -> FloatArray:
     """Return about how far points (n, 3) are from the arc, along the surface."""
     beside = np.maximum(arc.off_front_rad(points_m) - arc.half_rad, 0.0)
-    beside_m = np.where(np.isinf(beside), np.linalg.norm(points_m - arc.middle_m, axis=1), beside * arc.radius_m)
+    away_m = np.linalg.norm(points_m - arc.section.middle_m, axis=1)
+    beside_m = np.where(np.isinf(beside), away_m, beside * arc.section.radius_m)
     distance: FloatArray = np.hypot(arc.along_m(points_m), beside_m)
     return distance
 
@@ -214,7 +210,7 @@ def _crossings(mesh: TriangleMesh, edges: IntArray, arc: _Arc) -> tuple[BoolArra
 def _along_m(points_m: FloatArray, arc: _Arc) -> FloatArray:
     """Return `_Arc.along_m`, zero for what lies in the plane up to rounding."""
     along_m = arc.along_m(points_m)
-    along_m[np.abs(along_m) < 1e-9 * arc.radius_m] = 0.0
+    along_m[np.abs(along_m) < 1e-9 * arc.section.radius_m] = 0.0
     return along_m
 
 
@@ -270,7 +266,7 @@ def _gaping(
     way[before], way[beyond] = -1.0, 1.0
     if (aside_m[rims] > 0.0).any():
         raise ValueError(_too_near(cut))
-    vertices_m = mesh.vertices_m + (way * aside_m)[:, None] * arc.inward
+    vertices_m = mesh.vertices_m + (way * aside_m)[:, None] * arc.section.inward
     rim = _rim(mesh, arc, before, beyond)
     return TriangleMesh(vertices_m, mesh.triangles, {**mesh.vertex_sets, INCISION: rim})
 
@@ -278,6 +274,6 @@ def _gaping(
 def _rim(mesh: TriangleMesh, arc: _Arc, before: IntArray, beyond: IntArray) -> IntArray:
     """Return the rim in order: one end, one lip, the other end, and the other lip back."""
     ends = [int(np.argmin(np.linalg.norm(mesh.vertices_m - end_m, axis=1))) for end_m in arc.ends_m]
-    away = mesh.vertices_m[before] - arc.middle_m
+    away = mesh.vertices_m[before] - arc.section.middle_m
     order = np.argsort(-np.arctan2(away @ arc.side, away @ arc.front), kind="stable")
     return np.concatenate([[ends[0]], before[order], [ends[1]], beyond[order[::-1]]]).astype(np.int32)

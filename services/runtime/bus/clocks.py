@@ -33,7 +33,7 @@ _ANSWERS = 16
 _OURS = hashlib.blake2b(Path("/proc/sys/kernel/random/boot_id").read_bytes(), digest_size=16)
 with suppress(FileNotFoundError):
     _OURS.update(os.readlink("/proc/self/ns/time").encode())
-_WHOSE = _OURS.digest()
+OWN_CLOCK = _OURS.digest()
 
 
 class ClockOffset:
@@ -57,7 +57,7 @@ class ClockOffset:
         """Process a received answer; invalid ones are ignored."""
         if len(answer) == _ANSWER.size:
             asked_ns, told_ns, whose = _ANSWER.unpack(answer)
-            self.ours = whose == _WHOSE
+            self.ours = whose == OWN_CLOCK
             if 0 < asked_ns <= heard_ns:
                 self.take_answer(asked_ns, told_ns, heard_ns)
 
@@ -137,7 +137,7 @@ class Clocks:
             who, *asked = self._answering.recv_multipart()
             if list(map(len, asked)) == [8]:
                 told = time.monotonic_ns().to_bytes(8, "little")
-                self._answering.send_multipart([who, asked[0] + told + _WHOSE], zmq.NOBLOCK)
+                self._answering.send_multipart([who, asked[0] + told + OWN_CLOCK], zmq.NOBLOCK)
 
 
 def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[bytes]:

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from trocar.services.files.atomic_file import atomic_file
 from trocar.services.files.cache_directory import cache_directory, make_folders
-from trocar.services.kernels.source_closure import Sources
+from trocar.services.kernels.source_closure import own_sources
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError, UserError
 
@@ -52,8 +52,7 @@ def print_finding(find: Callable[[str, Sequence[str]], bytes]) -> None:
 
 
 def _name(module: str, data: dict[str, Any]) -> str:
-    code = Sources(Path(__file__).parents[4]).digest(module)
-    text = f"{code} {_surface_digest(data)} {json.dumps(data, sort_keys=True, default=str)}"
+    text = f"{own_sources().digest(module)} {_surface_digest(data)} {json.dumps(data, sort_keys=True, default=str)}"
     return f"{module.rpartition('.')[2]}-{hashlib.sha256(text.encode()).hexdigest()[:32]}"
 
 

@@ -32,7 +32,7 @@ SUFFIX = ".flight"
 #: written, a cache line, as it is written every tick. The ring of rows follows.
 HEADER_BYTES, _COUNT_BYTES = 4096, 64
 ROWS_AT = HEADER_BYTES + _COUNT_BYTES
-_MEMORY = Path("/dev/shm")
+MEMORY = Path("/dev/shm")
 
 
 class FlightRing:
@@ -107,9 +107,9 @@ def flight_directory(run_directory: Path) -> Path:
     Pages of a file on a disk are locked while they are written back, and a writer then waits for the disk.
     Raises BusError if it cannot be created, or is accessible to others.
     """
-    if is_memory(run_directory) or not _MEMORY.is_dir():
+    if is_memory(run_directory) or not MEMORY.is_dir():
         return run_directory
-    whose = make_private(_MEMORY / f"trocar-{os.getuid()}")
+    whose = make_private(MEMORY / f"trocar-{os.getuid()}")
     return make_private(whose / f"{zlib.crc32(os.fsencode(run_directory.absolute())):08x}")
 
 

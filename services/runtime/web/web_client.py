@@ -46,10 +46,19 @@ def open_connection(address: str, timeout_s: float, fingerprint: str = "") -> ht
 
 
 def open_url(request: urllib.request.Request, timeout_s: float, fingerprint: str = "") -> http.client.HTTPResponse:
-    """Return the answer to a request; raises as `urllib.request.urlopen` does, and knows the server as above."""
+    """Return the answer to a request; raises as `urllib.request.urlopen` does, and knows the server as above.
+
+    An answer that leads elsewhere raises HTTPError like a refusal: what was sent would not go there, but a token would.
+    """
     handlers = [_PinnedHandler(fingerprint)] if fingerprint else []
-    answer: http.client.HTTPResponse = urllib.request.build_opener(*handlers).open(request, timeout=timeout_s)
+    opener = urllib.request.build_opener(_NoRedirect, *handlers)
+    answer: http.client.HTTPResponse = opener.open(request, timeout=timeout_s)
     return answer
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, *_: Any) -> None:
+        """Go nowhere."""
 
 
 class _PinnedHandler(urllib.request.HTTPSHandler):

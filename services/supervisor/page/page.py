@@ -19,7 +19,7 @@ from trocar.services.supervisor.page.page_place import page_file, write_page_fil
 
 _PAGE = ProcessSpec("page", "trocar.services.supervisor.page.page_server")
 #: Silence that is a hang, of a running and of a starting page, not counting waits for a processor.
-_SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
+SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
 
 
 class Page:
@@ -60,7 +60,7 @@ class Page:
             return
         try:
             while link.receive(Heartbeat) is not None:
-                self._silence.await_answer(_SILENT_S)
+                self._silence.await_answer(SILENT_S)
         except ConnectionError:
             self._lose(now_s)
             return

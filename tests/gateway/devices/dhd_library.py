@@ -59,8 +59,15 @@ class DhdStandIn:
         return float(self.c.standin_force(device, GRIP))
 
     def log(self) -> FloatArray:
-        """Return all forces that the first device was given."""
-        out = np.zeros((_MOST, 3))
+        """Return the forces on the hand with each that the first device was given."""
+        return self._log()[:, :3]
+
+    def grip_log(self) -> FloatArray:
+        """Return the forces of its gripper, likewise."""
+        return self._log()[:, 3]
+
+    def _log(self) -> FloatArray:
+        out = np.zeros((_MOST, 4))
         return out[: self.c.standin_log(ctypes.c_void_p(out.ctypes.data), _MOST)]
 
 

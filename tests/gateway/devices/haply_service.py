@@ -201,7 +201,8 @@ class HaplyService:
             for peer in list(self._peers):
                 self._serve(peer, now_s)
         for arm in self.arms.values():
-            if now_s - arm.commanded_s > IDLE_S:
+            bears = arm.plugged and arm.status["power_supply"] and arm.status["ready"]
+            if now_s - arm.commanded_s > IDLE_S or not bears:
                 arm.force_n = np.zeros(3)
         self._peers = [peer for peer in self._peers if peer.is_open]
         self.forces.append(np.array([arm.force_n for arm in self.arms.values()]))

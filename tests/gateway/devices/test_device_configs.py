@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import ctypes.util
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 from trocar.services.gateway.devices.device_files import ArmFile, DeviceFile
 from trocar.services.gateway.instruments.instrument import build_instruments
@@ -15,8 +17,11 @@ CONFIGS = config.config_directory()
 
 
 @pytest.mark.parametrize("path", sorted((CONFIGS / "devices").glob("*.yaml")), ids=lambda path: path.stem)
-def test_every_device_file_loads(path: Path) -> None:
-    config.load(DeviceFile, path)
+def test_of_every_device_file_each_key_is_taken_as_it_stands(path: Path) -> None:
+    said: dict[str, Any] = yaml.safe_load(path.read_text())
+    loaded = config.load(DeviceFile, path)[0]
+    taken = {key: getattr(loaded, key) for key in said}
+    assert {key: list(value) if isinstance(value, tuple) else value for key, value in taken.items()} == said
 
 
 def test_the_simulated_premium_has_the_count_and_friction_of_its_device_file() -> None:

@@ -224,6 +224,42 @@ def test_a_force_button_that_is_not_pressed_is_asked_for(bench: DhdBench) -> Non
     assert bench.arm.fault == ""
 
 
+SHORT: dict[str, Callable[[DhdBench, int], None]] = {
+    "its force button": lambda bench, off: bench.standin.c.standin_state(0, int(DhdState.FORCE), 1 - off),
+    "its power": state(DhdState.POWER, 1),
+    "its plug": pull_out,
+    "all calls": break_down,
+}
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_what_fails_for_a_moment_comes_back_without_a_kick(bench: DhdBench, name: str) -> None:
+    bench.open()
+    for ticks in (25, 60):
+        bench.until(bench.pushes)
+        SHORT[name](bench, 1)
+        bench.run(ticks)
+        assert not bench.standin.force().any()
+        SHORT[name](bench, 0)
+        bench.run(5)
+    bench.until(bench.pushes)
+    assert bench.arm.fault == ""
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_so_does_the_force_of_a_gripper(bench: DhdBench, name: str) -> None:
+    torque_nm = 6.0 / 8.0 * bench.grasp.max_torque_nm
+    bench.open(grasp=True)
+    bench.until(lambda: math.isclose(bench.standin.grip_n(), 6.0), torque_nm=torque_nm)
+    SHORT[name](bench, 1)
+    bench.run(60, torque_nm=torque_nm)
+    assert bench.standin.grip_n() == 0.0
+    SHORT[name](bench, 0)
+    bench.until(lambda: math.isclose(bench.standin.grip_n(), 6.0), torque_nm=torque_nm)
+    bench.run(30, torque_nm=torque_nm)
+    assert np.diff(np.abs(bench.standin.grip_log())).max() < 2.5  # some orders may come at once on a busy host
+
+
 def test_of_two_arms_one_is_to_be_named_by_its_serial_number(bench: DhdBench) -> None:
     bench.standin.c.standin_reset(2)
     with pytest.raises(DeviceError, match=r"instrument 'left': several arms are plugged in \(100, 101\): name one"):

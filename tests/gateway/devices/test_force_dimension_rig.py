@@ -5,24 +5,12 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
 from tests.gateway.devices.bench import BenchUnavailable
 from tests.gateway.devices.dhd_library import DhdStandIn
-from tests.gateway.rig_bench import Bench, active_share, assert_never_a_kick
-
-FORCE_N = 1.0
-
-
-def _felt(instrument: Any) -> bool:
-    return bool(np.linalg.norm(instrument.applied_force_n) > 0.99 * FORCE_N)
-
-
-def _is_out(instrument: Any) -> bool:
-    return instrument.state == "fault" and not any(instrument.applied_force_n)
+from tests.gateway.rig_bench import FORCE_N, Bench, active_share, assert_never_a_kick, is_felt, is_out
 
 
 class Rig:
@@ -50,7 +38,7 @@ class Rig:
 
     def arm_until_felt(self, armed: int) -> None:
         self.bench.tell(safe_stop=False, armed=armed)
-        self.bench.until(_felt)
+        self.bench.until(is_felt)
 
     def rate_hz(self) -> float:
         health = self.bench.bus.latest("gateway.health")
@@ -77,7 +65,7 @@ def test_an_arm_of_the_library_bears_the_law_and_survives_its_faults(rig: Rig) -
     faults = (("plug 0 0", "plug 0 1"), ("fail 1", "fail 0"), ("hang 700", "hang 0"))
     for armed, (fault, cure) in enumerate(faults, 2):
         rig.tell_device(fault)
-        bench.until(_is_out)
+        bench.until(is_out)
         rig.tell_device(cure)
         rig.arm_until_felt(armed)
     assert_never_a_kick(bench.frames)

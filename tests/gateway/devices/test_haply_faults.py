@@ -249,6 +249,67 @@ def test_bytes_that_are_no_frames_are_a_fault(pushing: HaplyBench, rubbish: byte
     arm_and_wait(pushing)
 
 
+def _state(key: str) -> Callable[[HaplyBench, bool], None]:
+    return lambda bench, wrong: bench.service.arms["049D"].status.update({key: not wrong})
+
+
+def _plug(bench: HaplyBench, wrong: bool) -> None:
+    bench.service.arms["049D"].plugged = not wrong
+
+
+def _hold(bench: HaplyBench, wrong: bool) -> None:
+    bench.service.held_back = wrong
+
+
+def _slow(bench: HaplyBench, wrong: bool) -> None:
+    bench.service.after_s = 0.007 if wrong else 0.0
+
+
+def _spoil(name: str) -> Callable[[HaplyBench, bool], None]:
+    def change(bench: HaplyBench, wrong: bool) -> None:
+        bench.service.spoil = STRANGE[name] if wrong else bench.service.spoil_nothing
+
+    return change
+
+
+def _go(bench: HaplyBench, wrong: bool) -> None:
+    if wrong:
+        bench.service.close()
+    else:
+        bench.service.come_back()
+
+
+FAULTS = {
+    "power": _state("power_supply"), "ready": _state("ready"), "plug": _plug, "hold": _hold, "slow": _slow, "gone": _go,
+} | {name: _spoil(name) for name in STRANGE if name != "half a metre off"}  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_whatever_fails_for_however_long_no_force_rises_faster_than_the_rig_allows(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    with arms() as bench:
+        bench.open()
+        bench.run(50)
+        for name in random.choice(sorted(FAULTS), 10):
+            FAULTS[name](bench, True)
+            _push_about(bench, random, int(random.choice([1, 2, 4, 9, 15, 40, 120, 230])))
+            FAULTS[name](bench, False)
+            _push_about(bench, random, int(random.choice([1, 3, 30])))
+            if bench.drivers[0].fault:
+                arm_and_wait(bench)
+        kicks = kicks_n(np.array(bench.service.forces))
+        assert float(kicks.max()) <= RATE_N_S * (MAX_STEP_S + SPARE_S) + 1e-9, f"in turn {int(kicks.argmax())}"
+
+
+def _push_about(bench: HaplyBench, random: np.random.Generator, ticks: int) -> None:
+    """Order forces that jump to anywhere now and then."""
+    force = random.normal(0.0, 1.5, 3)
+    for _ in range(ticks):
+        if random.random() < 0.1:
+            force = random.normal(0.0, 1.5, 3)
+        bench.run(1, force)
+
+
 def run_until(bench: HaplyBench, condition: Callable[[], bool]) -> None:
     """Exchange while a thread opens the arm anew, in the bench's time and its own."""
     until_s = time.monotonic() + PATIENCE_S

@@ -7,17 +7,14 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.gateway.kicks import kicks_n
-from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, active_share, assert_never_a_kick
+from tests.gateway.rig_bench import FORCE_N, RATE_LIMIT_N_S, Bench, active_share, assert_never_a_kick, is_felt, is_out
 from trocar.services.gateway.devices.limited_force import SPARE_S
 from trocar.services.gateway.servo.servo_law import MAX_STEP_S
-
-FORCE_N = 1.0
 
 
 class Rig:
@@ -40,7 +37,7 @@ class Rig:
     def arm_until_felt(self) -> None:
         self.armed += 1
         self.bench.tell(safe_stop=False, armed=self.armed)
-        self.bench.until(_felt)
+        self.bench.until(is_felt)
 
     def gauges(self) -> dict[str, float]:
         frame = self.bench.bus.latest("gateway.health")
@@ -58,14 +55,6 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     built = Rig(tmp_path)
     yield built
     built.close()
-
-
-def _felt(instrument: Any) -> bool:
-    return bool(np.linalg.norm(instrument.applied_force_n) > 0.99 * FORCE_N)
-
-
-def _is_out(instrument: Any) -> bool:
-    return instrument.state == "fault" and not any(instrument.applied_force_n)
 
 
 @pytest.mark.long
@@ -95,7 +84,7 @@ def test_an_arm_of_the_service_bears_the_law_and_survives_its_faults(rig: Rig) -
     assert 100.0 < rig.gauges()["servo_rate_hz.left.arm"] < 1100.0
     for fault in ("plug 0", "hold 1", "spoil 1"):
         rig.tell_service(fault)
-        bench.until(_is_out)
+        bench.until(is_out)
         rig.tell_service(f"{fault.split()[0]} {1 - int(fault.split()[1])}")
         rig.arm_until_felt()
     assert_never_a_kick(bench.frames)

@@ -27,7 +27,7 @@ def test_a_publisher_that_floods_gets_a_few_looks_a_tick_and_no_more() -> None:
     flood: Any = Flood()
     answers: Any = SimpleNamespace(outstanding=True, accept=None)
     gateway.listen(flood, answers, time.monotonic_ns() + 10_000_000_000)
-    assert flood.looks == gateway._LOOKS
+    assert 1 <= flood.looks <= 10
 
 
 def test_an_answered_tick_listens_no_longer() -> None:

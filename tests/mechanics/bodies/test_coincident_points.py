@@ -15,11 +15,11 @@ from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["straight", "turned"])
-def reduced(request, tmp_path_factory):
+def reduced(request, cache_dir):
     scene = insertion_scene()
     effects = {"large_rotations": LargeRotations.Settings()} if request.param else {}
     duct = replace(scene.duct, n_around=16, n_along=20, n_modes=30)
-    return build_scene_duct(replace(scene, duct=duct, effects=effects), tmp_path_factory.mktemp("bases"))
+    return build_scene_duct(replace(scene, duct=duct, effects=effects), cache_dir)
 
 
 def some_points(reduced, n):

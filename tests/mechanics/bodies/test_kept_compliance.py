@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from trocar.services.mechanics.bodies import wall_motion
+from trocar.services.mechanics.reduction.large_rotations.warping import TubeWarp
 from trocar.services.mechanics.reduction.node_compliance import NodeCompliance
 from trocar.services.mechanics.scene import QualityLevel
 from trocar.services.mechanics.scene.tools import ToolInputs
@@ -22,10 +23,15 @@ N_TICKS = 240
 def forces_with_places(with_effects, small_duct, monkeypatch):
     """(t, 2, 3) forces of a tool that presses on the duct and goes on at another quality, and in other steps."""
 
-    def run(n_places):
+    def run(n_places, *effects):
         monkeypatch.setattr(wall_motion, "NodeCompliance", partial(NodeCompliance, n_places=n_places))
         levels = (QualityLevel(), QualityLevel(name="high", iterations=50))
-        simulation = Simulation(replace(with_effects(friction={}), quality=levels), small_duct)
+        duct = small_duct
+        if "large_rotations" in effects:
+            warp = TubeWarp.from_basis(duct.mesh, duct.basis, duct.mesh.vertex_sets["clamped"])
+            duct = replace(duct, warp=warp)
+        scene = with_effects(friction={}, **{name: {} for name in effects})
+        simulation = Simulation(replace(scene, quality=levels), duct)
         tools, forces = ToolInputs(), []
         tools.present[1] = False
         for tick in range(N_TICKS):
@@ -39,9 +45,12 @@ def forces_with_places(with_effects, small_duct, monkeypatch):
     return run
 
 
-def test_forces_are_those_of_the_compliance_gathered_in_double_precision(forces_with_places):
-    kept, simulation = forces_with_places(128)
-    anew, _ = forces_with_places(1)
+@pytest.mark.parametrize(
+    "effects", [(), ("viscoelasticity",), ("large_rotations",), ("large_rotations", "viscoelasticity")], ids="+".join
+)
+def test_forces_are_those_of_the_compliance_gathered_in_double_precision(forces_with_places, effects):
+    kept, simulation = forces_with_places(128, *effects)
+    anew, _ = forces_with_places(1, *effects)
     largest = np.abs(anew).max()
     apart = np.abs(kept - anew).max() / largest
     print(f"forces up to {largest:.3f} N differ by {apart:.1e} of that")

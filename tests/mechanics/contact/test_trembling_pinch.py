@@ -8,11 +8,11 @@ from trocar.services.scenes import load_duct, load_scene
 from trocar.services.scenes.hands import hands_of
 
 
-def test_no_solve_ends_because_its_sweeps_run_out(tmp_path):
+def test_no_solve_ends_because_its_sweeps_run_out(cache_dir):
     """A Newton step that opened one contact by far was not kept, and sweeps crept: 25 of 1100 ticks took 30 or more,
     one 100, with forces 50 mN from where they go."""
     scene = load_scene("pinch", ["duct.n_around=24", "duct.n_along=30", "duct.n_modes=40"])
-    duct = load_duct(scene, tmp_path, lambda *_: None)
+    duct = load_duct(scene, cache_dir, lambda *_: None)
     simulation, tools, sweeps = Simulation(scene, duct), ToolInputs(), []
     hands, random, away_m = hands_of(simulation.scene, duct.mesh), np.random.default_rng(1), np.zeros((2, 3))
     for tick in range(1800):
@@ -25,10 +25,10 @@ def test_no_solve_ends_because_its_sweeps_run_out(tmp_path):
     assert max(sweeps[700:]) < scene.quality[0].iterations
 
 
-def test_a_point_on_an_edge_is_one_contact_whichever_triangle_it_is_found_on(tmp_path):
+def test_a_point_on_an_edge_is_one_contact_whichever_triangle_it_is_found_on(cache_dir):
     """A grip on an edge got a second row for the other triangle by price: 143 times, each with a solve of its own."""
     scene = load_scene("pinch")
-    duct = load_duct(scene, tmp_path, lambda *_: None)
+    duct = load_duct(scene, cache_dir, lambda *_: None)
     simulation, tools = Simulation(scene, duct), ToolInputs()
     hands = hands_of(simulation.scene, duct.mesh)
     for tick in range(1200):

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from tests.by_day import by_day
-from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
+from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL
 from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.rows import NO_STONE
 from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.simulation.scene_duct import check_scene_duct
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes.duct_file import duct_file
 from trocar.services.training.site import read_site
+from trocar.services.training.situation import Loads
 
 AT_M, CLOSING_N = 6e-3, 0.5
 PARTICLE = 15  # held by a grasp that never slips, outside the duct
@@ -82,6 +84,17 @@ def test_both_sides_are_pressed_by_the_force_of_the_clip_less_what_the_wall_resi
     apart_m = np.linalg.norm(clip.place_m[1] - clip.place_m[0])
     touching_m = simulation.scene.catheter.outer_diameter_m + simulation.scene.duct.thickness_m
     assert touching_m - 5e-6 < apart_m < touching_m + 0.15e-3  # flat facets of 3 mm touch a little beside the legs
+
+
+def test_a_score_takes_the_common_load_of_both_sides_as_the_clip_does(with_effects, small_duct):
+    """An attempt is judged without the mechanics, so the rule stands in both."""
+    simulation = clipped(with_effects, small_duct)
+    clip, rows, n = simulation.effects["clip"].state, simulation.contacts, simulation.contacts.n_contacts
+    under = np.linalg.norm(rows.point_m[:n] - clip.place_m.mean(axis=0), axis=1) < clip.reach_m
+    under &= (rows.duct_weight[:n] != 0.0).any(axis=1) & (rows.tool[:n] == NO_TOOL) & (rows.stone[:n] == NO_STONE)
+    pressing_n = np.maximum(rows.force_n[:n, :1], 0.0) * rows.frame[:n, 0]
+    assert clip.pressing_n > 0.2
+    assert Loads(pressing_n).sides(under)[1] == pytest.approx(clip.pressing_n, rel=1e-9)
 
 
 @pytest.mark.parametrize("mu", [0.08, 0.25])

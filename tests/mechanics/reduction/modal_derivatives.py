@@ -18,8 +18,8 @@ from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce, energy_tensors
 from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
+from trocar.services.mechanics.reduction.nonlinear.membrane_polynomial import MembranePolynomial, energy_tensors
 from trocar.studies.full_model import CondensedStiffness
 
 
@@ -66,11 +66,11 @@ def extend_with_derivatives(
     return NonlinearBasis(basis, active.astype(np.int32))
 
 
-def cubic_force(membrane: Membrane, nonlinear: NonlinearBasis) -> CubicForce:
+def cubic_force(membrane: Membrane, nonlinear: NonlinearBasis) -> MembranePolynomial:
     """Return the membrane's force in the coordinates of a nonlinear basis, its coefficients summed over the mesh."""
     shapes = np.ascontiguousarray(nonlinear.basis.Phi[:, :, nonlinear.coordinates])
     third, fourth = energy_tensors(membrane, shapes)
-    return CubicForce.from_energies(nonlinear.coordinates, third, fourth)
+    return MembranePolynomial.from_energies(nonlinear.coordinates, third, fourth)
 
 
 def modal_derivatives(model: ShellModel, linear: ModalBasis, n_modes: int) -> FloatArray:

@@ -1,65 +1,62 @@
-"""What is learned of a wall is named by all the code that it follows from: changed code does not meet old results."""
+"""What is kept of a wall is named by all the code that it follows from: changed code does not meet old results."""
 
+import os
+import re
+import time
 from pathlib import Path
 
 import pytest
 
-from trocar.services.kernels.source_closure import Sources
-from trocar.services.mechanics.reduction.content_hash import hash_sources
-from trocar.services.mechanics.reduction.hyperelastic import energy_sampling
-from trocar.services.mechanics.reduction.softening import training
+from tests.conftest import MAKERS
+from trocar.services.files.cache_directory import UNUSED_S
+from trocar.services.kernels.source_closure import Sources, own_sources
+from trocar.services.mechanics.reduction import cache, content_hash
+from trocar.services.mechanics.reduction.content_hash import entry_name
+from trocar.services.meshes.reading import READER
 
 ROOT = Path(__file__).parents[3]
-IN_THE_RECIPE = ("trocar.services.mechanics.fem",)
-NOT_NUMBERS = (
-    "trocar.services.files.cache_directory",
-    "trocar.services.files.trusted_path",
-    "trocar.services.mechanics.arrays",
-    "trocar.services.mechanics.compiled",
-    *(
-        f"trocar.services.mechanics.reduction.{name}"
-        for name in (
-            "cache",
-            "content_hash",
-            "recipe",
-            "build",
-            "basis",
-            "coincident_points",
-            "reduced_duct",
-            "modal_state",
-        )
-    ),
-    # The reduced duct, which brings these along, has a hash of its own.
-    "trocar.services.mechanics.reduction.large_rotations",
-    "trocar.services.mechanics.reduction.residual",
-    "trocar.services.mechanics.surface.cyclic_symmetry",
-)
 
 
-@pytest.mark.parametrize("module", [training, energy_sampling])
-def test_every_module_with_numbers_is_in_the_name(module):
-    elsewhere = (*IN_THE_RECIPE, *NOT_NUMBERS)
-    missing = [
-        name
-        for name in Sources(ROOT).closure(module.__name__)
-        if not any(name == other or name.startswith(f"{other}.") for other in elsewhere)
-        and not any(_path(name).is_relative_to(place) for place in module.SOURCES)
-    ]
-    assert not missing
+@pytest.fixture
+def name_after(tmp_path, monkeypatch):
+    """Return what writes modules into a tree and names an entry that one of them makes, as a fresh process would."""
+    (tmp_path / "trocar").mkdir()
+
+    def write(**modules):
+        for module, text in modules.items():
+            (tmp_path / "trocar" / f"{module}.py").write_text(text)
+        monkeypatch.setattr(content_hash, "own_sources", lambda: Sources(tmp_path))
+        return entry_name("basis", "trocar.maker", 1.5)
+
+    return write
 
 
-def test_a_changed_file_changes_the_name(tmp_path):
-    folder, file = tmp_path / "folder", tmp_path / "file.py"
-    folder.mkdir()
-    (folder / "one.py").write_text("x = 1")
-    file.write_text("y = 1")
-    before = hash_sources(folder, file)
-    file.write_text("y = 2")
-    assert hash_sources(folder, file) != before
-    with pytest.raises(FileNotFoundError):
-        hash_sources(folder, tmp_path / "missing.py")
+def test_a_change_of_what_the_maker_imports_changes_the_name_and_no_other_does(name_after):
+    before = name_after(maker="def make():\n    from trocar import far", far="x = 1", beside="y = 1")
+    assert before.startswith("basis-")
+    assert name_after(beside="y = 2") == before
+    assert name_after(far="x = 2") != before
 
 
-def _path(name: str) -> Path:
-    stem = ROOT.joinpath(*name.split("."))
-    return stem.with_suffix(".py") if stem.with_suffix(".py").is_file() else stem / "__init__.py"
+@pytest.mark.parametrize("maker", MAKERS)
+def test_every_entry_is_named_by_content_and_code(maker):
+    text = ROOT.joinpath(*maker.split(".")).with_suffix(".py").read_text()
+    asked = len(re.findall(r"\bfetch\(", text))
+    assert 0 < asked == text.count("entry_name(")
+
+
+def test_a_mesh_follows_from_the_readers_of_files_too():
+    assert "trocar.services.meshes.inp_file" in own_sources().closure(READER)
+
+
+def test_what_no_run_has_used_for_long_goes_when_another_of_its_kind_is_made(tmp_path):
+    made = {
+        name: cache.fetch(tmp_path, name, lambda entry: entry.describe(kind="rest"))
+        for name in ("rest-1", "rest-2", "mesh-1")
+    }
+    long_ago_s = time.time() - UNUSED_S - 60.0
+    for entry in made.values():
+        os.utime(entry.folder, (long_ago_s, long_ago_s))
+    cache.fetch(tmp_path, "rest-2", lambda entry: pytest.fail("it is there"))
+    cache.fetch(tmp_path, "rest-3", lambda entry: entry.describe(kind="rest"))
+    assert {path.name for path in tmp_path.glob("[!.]*")} == {"rest-2", "rest-3", "mesh-1"}

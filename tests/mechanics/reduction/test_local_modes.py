@@ -23,13 +23,8 @@ def recipe_of(n_local, around=16, along=16, kind="auto"):
 
 
 @pytest.fixture(scope="module")
-def folder(cache_dir):
-    return cache_dir
-
-
-@pytest.fixture(scope="module")
-def duct(folder):
-    return reduce_duct(recipe_of(12), 0.1, folder)
+def duct(cache_dir):
+    return reduce_duct(recipe_of(12), 0.1, cache_dir)
 
 
 def share_of_modes(duct):
@@ -78,9 +73,9 @@ def test_all_together_is_as_exact_as_before(duct):
         np.testing.assert_allclose(own[node] @ load[node], moved, rtol=2e-6, atol=1e-6 * np.abs(moved).max())
 
 
-def test_they_hold_most_of_what_a_force_beside_the_clamp_does(duct, folder):
+def test_they_hold_most_of_what_a_force_beside_the_clamp_does(duct, cache_dir):
     """A third of it is held without them; that they hold it elsewhere is not asked."""
-    without, x = share_of_modes(reduce_duct(recipe_of(0), 0.1, folder))
+    without, x = share_of_modes(reduce_duct(recipe_of(0), 0.1, cache_dir))
     share, _ = share_of_modes(duct)
     first_row = x < 1.5 * LENGTH_M / 16
     assert without[first_row].mean() < 0.4
@@ -101,10 +96,11 @@ def test_without_them_a_wall_is_known_by_the_same_name():
 
 
 @pytest.mark.parametrize("n_modes", [47, 48, 49, 50])
-def test_a_symmetric_wall_keeps_symmetric_modes(folder, n_modes):
+def test_a_symmetric_wall_keeps_symmetric_modes(cache_dir, n_modes):
     """A pair is taken whole or not at all: one sector's residual is then that of all, see `residual.cyclic`."""
     full, cyclic = (
-        reduce_duct(replace(recipe_of(11, 12, 10, kind), n_modes=n_modes), 0.1, folder) for kind in ("full", "cyclic")
+        reduce_duct(replace(recipe_of(11, 12, 10, kind), n_modes=n_modes), 0.1, cache_dir)
+        for kind in ("full", "cyclic")
     )
     own = own_compliance_m_n(full)
     np.testing.assert_allclose(own_compliance_m_n(cyclic), own, rtol=0.0, atol=1e-6 * own.max())

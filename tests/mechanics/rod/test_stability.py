@@ -12,7 +12,7 @@ from trocar.services.mechanics.rod import (
     rod_energy,
     straight_rod,
 )
-from trocar.services.mechanics.rod.semi_implicit import _predict
+from trocar.services.mechanics.rod.semi_implicit import take_substeps
 from trocar.studies.published.rods import example_rod
 
 X = (1.0, 0.0, 0.0)
@@ -114,7 +114,7 @@ def growth(properties, supports, ratio, steps=3000):
         for _ in range(100):
             step = (ratio * integrator.stable_time_step_s, 1)
             motion = (state.position_m, state.velocity_m_s)
-            _predict((integrator.model.address, integrator.work.address), motion, NO_LOAD, target, step)
+            take_substeps((integrator.model.address, integrator.work.address), motion, NO_LOAD, target, step)
         energy = rod_energy(integrator.model, state).total_j / start
         if not energy < 1e6:
             return np.inf

@@ -26,17 +26,16 @@ def poke(tools, tick):
 
 
 @pytest.fixture(scope="module")
-def vessel(tmp_path_factory):
+def vessel(cache_dir):
     if not ANATOMY.exists():
         pytest.skip(f"needs the scan {ANATOMY.name}, which is not part of the repository")
     pytest.importorskip("trimesh", reason="needs the mesh packages")
     scene = load_scene("anatomy", [f"duct.mesh_file={ANATOMY}"])
-    cache = tmp_path_factory.mktemp("cache")
-    return scene, load_duct(scene, cache, lambda stage, fraction: None), cache
+    return scene, load_duct(scene, cache_dir, lambda stage, fraction: None)
 
 
 def test_a_second_of_poking_stays_bounded(vessel):
-    scene, duct, _ = vessel
+    scene, duct = vessel
     simulation, tools = Simulation(scene, duct), ToolInputs()
     poke(tools, 0)
     simulation.step(tools)
@@ -66,7 +65,7 @@ def test_a_surface_file_that_is_not_there_is_one_sentence(tmp_path):
         load_duct(scene, tmp_path, lambda stage, fraction: None)
 
 
-def test_large_rotations_refuse_a_vessel_that_branches(vessel):
+def test_large_rotations_refuse_a_vessel_that_branches(vessel, cache_dir):
     scene = load_scene("anatomy", [f"duct.mesh_file={ANATOMY}", "effects.large_rotations={}"])
     with pytest.raises(ConfigError, match=r"anatomy.yaml: effects.large_rotations: .*two open ends, its surface has 3"):
-        load_duct(scene, vessel[2], lambda stage, fraction: None)
+        load_duct(scene, cache_dir, lambda stage, fraction: None)

@@ -13,7 +13,6 @@ from trocar.services.mechanics.scenarios import PlayedScene, ToolMotion
 from trocar.services.mechanics.scene import CatheterScene
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from trocar.studies.energy_book import EnergyBook
 
 # Where the middle of the jaws is, in mm, at times in s: the catheter is grasped and carried to the mouth.
@@ -105,18 +104,13 @@ def run(scenario: PlayedScene, duct, *, books=False):
     return course
 
 
-@pytest.fixture(scope="module")
-def duct(cache_dir):
-    return build_scene_duct(scenarios.insertion_scene(), cache_dir)
-
-
 def largest_force_n(course):
     return np.linalg.norm(course.force_n, axis=2).max()
 
 
 @pytest.mark.parametrize("speed_m_s", [pytest.param(0.1, marks=pytest.mark.long), 0.3])
-def test_strokes_of_11_mm_stay_in_the_lumen_and_in_the_books(duct, speed_m_s):
-    course = run(hands((*INSERT, *strokes(11.0, speed_m_s, 3)), "strokes"), duct, books=True)
+def test_strokes_of_11_mm_stay_in_the_lumen_and_in_the_books(insertion_duct, speed_m_s):
+    course = run(hands((*INSERT, *strokes(11.0, speed_m_s, 3)), "strokes"), insertion_duct, books=True)
     assert max(course.penetration_m) < 0.1e-3
     assert largest_force_n(course) < 0.3
     assert np.linalg.norm(np.diff(course.force_n, axis=0), axis=2).max() < 0.3
@@ -129,7 +123,7 @@ def test_strokes_of_11_mm_stay_in_the_lumen_and_in_the_books(duct, speed_m_s):
 
 
 @pytest.mark.long
-def test_a_catheter_withdrawn_at_once_stays_in_its_introducer_and_goes_in_again(duct):
+def test_a_catheter_withdrawn_at_once_stays_in_its_introducer_and_goes_in_again(insertion_duct):
     """The hand goes 80 mm beyond where the catheter's end stops, at 0.5 m/s, and comes back; the grip slips instead.
 
     So it is further from the tip then, and takes the catheter again where it was. Nothing comes of what has slipped.
@@ -140,7 +134,7 @@ def test_a_catheter_withdrawn_at_once_stays_in_its_introducer_and_goes_in_again(
     again = ((3.9, (90, 0, 0)), (4.1, (90, 1.5, 12)), *((4.4 + t, at) for t, at in INSERT))
     first_open = len(INSERT) + len(out)
     points = (*INSERT, *out, *again)
-    course = run(hands(points, "withdrawal", range(first_open, first_open + 4)), duct, books=True)
+    course = run(hands(points, "withdrawal", range(first_open, first_open + 4)), insertion_duct, books=True)
     assert course.gain() < 1e-3
     withdrawn = np.array(course.tip_m)[2900:3200]
     assert 4e-3 < withdrawn.min() < 8e-3
@@ -155,10 +149,10 @@ def test_a_catheter_withdrawn_at_once_stays_in_its_introducer_and_goes_in_again(
     assert max(course.speed_m_s) < 10.0
 
 
-def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_introducer(duct):
+def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_introducer(insertion_duct):
     """The hand takes it 120 mm away; 4 mm of it stay in the introducer's 25 mm, less what the stop gives."""
     away = ((1.4, (90, -60, 60)), (1.9, (70, -120, 70)), (2.3, (70, -120, 70)))
-    course = run(hands((*PICK, *away), "pulled"), duct)
+    course = run(hands((*PICK, *away), "pulled"), insertion_duct)
     assert 21e-3 < max(course.hub_m) < 22e-3
     assert 0.99 * GRIP_N < max(course.gripped_n) < GRIP_N
     assert largest_force_n(course) < FELT_N
@@ -166,7 +160,7 @@ def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_introducer(duct)
 
 
 @pytest.mark.long
-def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(duct):
+def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(insertion_duct):
     """The free end crosses the planes of the introducer 60 mm beside it; then the hand has its catheter as before."""
     round_it = (
         (2.6, (72, 0, 0)),
@@ -176,7 +170,7 @@ def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(duct):
         (3.8, (72, -80, 0)),
         (4.4, (72, 0, 0)),
     )
-    course = run(hands((*INSERT, *round_it), "swept"), duct)
+    course = run(hands((*INSERT, *round_it), "swept"), insertion_duct)
     assert 0.99 * GRIP_N < max(course.gripped_n) < GRIP_N
     assert largest_force_n(course) < FELT_N
     # It snaps over the jaw that it was wound round, no faster than its stretch lets it.
@@ -186,7 +180,7 @@ def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(duct):
 
 
 @pytest.mark.long
-def test_a_catheter_bent_round_the_edge_of_its_introducer_by_a_grasp_that_never_slips_stays_calm(duct):
+def test_a_catheter_bent_round_the_edge_of_its_introducer_by_a_grasp_that_never_slips_stays_calm(insertion_duct):
     """To its stop and 10 mm further, at more than 60 degrees to the axis.
 
     The coupling gives these 10 mm at 0.5 N/mm, 5 mm for what winds round a jaw (a quarter of its turn with the catheter
@@ -202,7 +196,7 @@ def test_a_catheter_bent_round_the_edge_of_its_introducer_by_a_grasp_that_never_
     )
     scenario = hands((*INSERT, *aside), "edge")
     effects = {name: settings for name, settings in scenario.scene.effects.items() if name != "grasp_slip"}
-    course = run(replace(scenario, scene=replace(scenario.scene, effects=effects)), duct)
+    course = run(replace(scenario, scene=replace(scenario.scene, effects=effects)), insertion_duct)
     assert 2.0 < largest_force_n(course) < 8.0
     assert np.linalg.norm(np.diff(course.force_n, axis=0), axis=2).max() < 0.5
     assert max(course.speed_m_s) < 5.0
@@ -216,14 +210,14 @@ def test_a_catheter_that_would_start_outside_its_introducer_is_refused():
         build_introducer(CatheterScene(introducer_to_tip_m=1e-3))
 
 
-def test_the_seal_keeps_a_catheter_that_points_down_where_it_was_left(duct):
+def test_the_seal_keeps_a_catheter_that_points_down_where_it_was_left(insertion_duct):
     """Its weight pulls along the introducer: through a seal it creeps, without one it falls out to its stop."""
     moved = {}
     for seal_n in (0.0, 20e-3):
         scene = scenarios.insertion_scene()
         catheter = replace(scene.catheter, direction=(0.0, 0.0, -1.0), tip_position_m=(80e-3, 0.0, 0.0))
         scene = replace(scene, catheter=replace(catheter, introducer_seal_friction_n=seal_n))
-        simulation, tools = Simulation(scene, duct), ToolInputs()
+        simulation, tools = Simulation(scene, insertion_duct), ToolInputs()
         tools.present[:] = False
         for _ in range(500):
             simulation.step(tools)

@@ -14,7 +14,6 @@ import pytest
 from trocar.services.mechanics import scenarios
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 from trocar.services.runtime.loop.loop import LoopMeter, TickClock
 from trocar.studies.stability.situations import without_friction
 
@@ -59,13 +58,8 @@ def bursts(seed):
 
 
 @pytest.fixture(scope="module")
-def duct(cache_dir):
-    return build_scene_duct(scenarios.insertion_scene(), cache_dir)
-
-
-@pytest.fixture(scope="module")
-def on_time(duct):
-    return run(duct, ON_TIME)[0]
+def on_time(insertion_duct):
+    return run(insertion_duct, ON_TIME)[0]
 
 
 def difference(simulation, reference):
@@ -78,20 +72,22 @@ def difference(simulation, reference):
 
 
 @pytest.fixture(scope="module")
-def in_bursts(duct):
-    return run(duct, bursts(1))
+def in_bursts(insertion_duct):
+    return run(insertion_duct, bursts(1))
 
 
 def early(seed):
     return np.random.default_rng(seed).uniform(-0.2e-3, 0.2e-3, TICKS)
 
 
-def test_the_same_frames_give_the_same_insertion_bit_for_bit_in_whatever_bursts_they_are_answered(duct, in_bursts):
+def test_the_same_frames_give_the_same_insertion_bit_for_bit_in_whatever_bursts_they_are_answered(
+    insertion_duct, in_bursts
+):
     indices, (first, taken) = bursts(1), in_bursts
     assert taken == TICKS - indices[0]
     assert len(np.unique(np.diff(indices))) == 4
     repeated = np.repeat(indices, np.random.default_rng(2).integers(1, 4, len(indices)))
-    second, again = run(duct, repeated)
+    second, again = run(insertion_duct, repeated)
     assert again == taken
     assert np.array_equal(state(first), state(second))
     assert first.inserted_length_m > 20e-3
@@ -103,26 +99,28 @@ def test_frames_that_were_missed_and_caught_up_lead_as_deep_and_are_felt_alike(i
     assert difference(in_bursts[0], on_time)[2] < TOLERANCE_N
 
 
-def test_without_friction_of_contacts_missed_frames_and_samples_200_us_early_or_late_change_the_end_by_little(duct):
+def test_without_friction_of_contacts_missed_frames_and_samples_200_us_early_or_late_change_the_end_by_little(
+    insertion_duct,
+):
     scenario = scenarios.insertion()
     scene = without_friction(scenario.scene)
     scene = replace(scene, catheter=scenario.scene.catheter)  # its seal holds what would slide on for ever
     smooth = replace(scenario, scene=scene)
-    reference = run(duct, ON_TIME, scenario=smooth)[0]
+    reference = run(insertion_duct, ON_TIME, scenario=smooth)[0]
     assert reference.contacts.n_contacts > 0, "jaws press the duct"
     for indices, early_s in ((bursts(3), None), (ON_TIME, early(4))):
-        rod_m, wall_m, force_n = difference(run(duct, indices, early_s, smooth)[0], reference)
+        rod_m, wall_m, force_n = difference(run(insertion_duct, indices, early_s, smooth)[0], reference)
         assert 0.0 < rod_m < TOLERANCE_M
         assert 0.0 < wall_m < TOLERANCE_M
         assert force_n < TOLERANCE_N
 
 
 @pytest.mark.long
-def test_with_friction_the_end_is_within_half_of_a_depth_in_most_runs(duct, on_time):
+def test_with_friction_the_end_is_within_half_of_a_depth_in_most_runs(insertion_duct, on_time):
     seed = secrets.randbits(32)
     ends_m = []
     for k in range(MANY):
         indices, early_s = (bursts(seed + k), None) if k % 2 else (ON_TIME, early(seed + k))
-        ends_m.append(max(difference(run(duct, indices, early_s)[0], on_time)[:2]))
+        ends_m.append(max(difference(run(insertion_duct, indices, early_s)[0], on_time)[:2]))
     print(f"seed {seed}: {np.round(1e6 * np.sort(ends_m), 1)} um")
     assert np.median(ends_m) < STICKING_M

@@ -8,14 +8,8 @@ from tests.by_day import by_day
 from trocar.services.mechanics import scenarios
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.mechanics.simulation.scene_duct import build_scene_duct
 
 START = np.array([66.0, 0.0, 0.0])  # of the hand, with the tip just within the mouth; mm
-
-
-@pytest.fixture(scope="module")
-def duct(cache_dir):
-    return build_scene_duct(scenarios.insertion_scene(), cache_dir)
 
 
 def sweep(end, speed_m_s, deeper_mm):
@@ -36,8 +30,8 @@ SWEEPS_BY_DAY = [((60, -30, 30), 0.5), ((75, 30, -30), 0.3)]
 
 
 @pytest.mark.parametrize(("end", "speed_m_s"), by_day(SWEEPS_BY_DAY, sorted(SWEEPS - {*SWEEPS_BY_DAY})))
-def test_a_catheter_pulled_sideways_out_of_the_mouth_rests_on_its_rim(duct, end, speed_m_s):
-    assert_stays_out_of_the_wall(run(sweep(np.array(end), speed_m_s, 0.0), duct))
+def test_a_catheter_pulled_sideways_out_of_the_mouth_rests_on_its_rim(insertion_duct, end, speed_m_s):
+    assert_stays_out_of_the_wall(run(sweep(np.array(end), speed_m_s, 0.0), insertion_duct))
 
 
 @pytest.mark.parametrize(
@@ -50,8 +44,8 @@ def test_a_catheter_pulled_sideways_out_of_the_mouth_rests_on_its_rim(duct, end,
         ],
     ),
 )
-def test_however_deep_its_tip_is(duct, end, deeper_mm):
-    assert_stays_out_of_the_wall(run(sweep(np.array(end), 0.3, deeper_mm), duct))
+def test_however_deep_its_tip_is(insertion_duct, end, deeper_mm):
+    assert_stays_out_of_the_wall(run(sweep(np.array(end), 0.3, deeper_mm), insertion_duct))
 
 
 def overlap_with_lost_ticks_m(duct, seed):
@@ -71,9 +65,9 @@ def overlap_with_lost_ticks_m(duct, seed):
 
 
 @pytest.mark.parametrize("seed", by_day([1], range(2, 13)))
-def test_a_hand_that_jumps_because_ticks_were_lost_pushes_it_in_for_a_few_ticks_at_most(duct, seed):
+def test_a_hand_that_jumps_because_ticks_were_lost_pushes_it_in_for_a_few_ticks_at_most(insertion_duct, seed):
     """With one flank of each fold alone, half of these stayed in the wall, the deepest by 1.7 mm."""
-    overlap_m = overlap_with_lost_ticks_m(duct, seed)
+    overlap_m = overlap_with_lost_ticks_m(insertion_duct, seed)
     is_in = np.concatenate([[0], overlap_m > 0.1e-3, [0]]).astype(int)
     entered, left = np.flatnonzero(np.diff(is_in) > 0), np.flatnonzero(np.diff(is_in) < 0)
     assert max(left - entered, default=0) <= 5

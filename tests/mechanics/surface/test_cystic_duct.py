@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
 from trocar.services.mechanics.scene.cystic_duct import (
     ALPHA_LENGTH,
@@ -87,36 +88,57 @@ def test_the_lumen_has_its_widths() -> None:
         assert duct.distance_m(wall[None])[0] == pytest.approx(0.0, abs=5e-5)
 
 
-def inward_along_m(duct: CurvedTube, at_m: np.ndarray, side: float) -> np.ndarray:
-    """How far the folds reach inwards along a line of the straight duct's smooth wall."""
-    across = side * duct.place(0.0)[1][1]
-    wall = np.array([duct.place(at)[0] + duct.radius_at(at) * across for at in at_m])
-    inward_m = np.linalg.norm(duct.folded_m(wall) - wall, axis=1)
-    assert duct.inward_m(duct.folded_m(wall)) == pytest.approx(inward_m, abs=1e-9)
-    return inward_m
+def inward_m(duct: CurvedTube, at_m: np.ndarray, around_rad: np.ndarray) -> np.ndarray:
+    """How far the folds reach inwards (places, angles) on the straight duct's smooth wall."""
+    _, side, across = duct.place(0.0)[1]
+    out = np.cos(around_rad)[:, None] * side + np.sin(around_rad)[:, None] * across
+    wall = np.concatenate([duct.place(at)[0] + duct.radius_at(at) * out for at in at_m])
+    folded = duct.folded_m(wall)
+    moved_m = np.linalg.norm(folded - wall, axis=1)
+    assert duct.inward_m(folded) == pytest.approx(moved_m, abs=1e-9)
+    return moved_m.reshape(len(at_m), len(around_rad))
 
 
-def test_folds_wind_round_the_half_towards_the_gallbladder() -> None:
-    folded = trunk(CysticDuctScene(folds=6, fold_height=0.5))
-    at_m = np.linspace(0.0, folded.length_m, 1200)
-    inward_m, other_m = inward_along_m(folded, at_m, 1.0), inward_along_m(folded, at_m, -1.0)
-    peaks = (inward_m[1:-1] > inward_m[:-2]) & (inward_m[1:-1] >= inward_m[2:]) & (inward_m[1:-1] > 0.3e-3)
-    assert 5 <= peaks.sum() <= 7
-    assert inward_m.max() == pytest.approx(0.5 * 0.5 * 3.5e-3, rel=0.01)
-    assert inward_m[at_m > 0.5 * folded.length_m + 6e-3].max() < 1e-6
-    half_turn_m = abs(at_m[np.argmax(inward_m)] - at_m[np.argmax(other_m)])
-    assert half_turn_m % 2.5e-3 == pytest.approx(1.25e-3, abs=0.3e-3)
+AROUND_RAD = np.linspace(-np.pi, np.pi, 72, endpoint=False)
+
+
+def crests(height_m: np.ndarray) -> list[tuple[int, int]]:
+    """Where a map (places, angles) is highest of all within some cells."""
+    around = np.concatenate([height_m[:, -9:], height_m, height_m[:, :9]], axis=1)
+    highest = maximum_filter(around, size=(25, 19))[:, 9:-9]
+    return [(int(i), int(j)) for i, j in np.argwhere((height_m == highest) & (height_m > 0.5 * height_m.max()))]
+
+
+@pytest.mark.parametrize("side_rad", [0.0, 2.0])
+def test_folds_are_crescents_that_wind_round_the_half_towards_the_gallbladder(side_rad: float) -> None:
+    folded = trunk(CysticDuctScene(folds=6, fold_height=0.5, fold_side_rad=side_rad))
+    at_m = np.linspace(0.0, folded.length_m, 601)
+    height_m = inward_m(folded, at_m, AROUND_RAD)
+    assert height_m.max() == pytest.approx(0.5 * 0.5 * 3.5e-3, rel=0.01)
+    assert height_m[at_m > 0.5 * folded.length_m + 6e-3].max() < 1e-6
+    found = crests(height_m)
+    assert len(found) == 6
+    places_m, angles = at_m[[i for i, _ in found]], AROUND_RAD[[j for _, j in found]]
+    assert np.diff(places_m) == pytest.approx(2.5e-3, abs=0.1e-3)
+    assert np.cos(np.diff(angles)) == pytest.approx(np.cos(4.0 / 3.0 * np.pi), abs=0.1)
+    assert np.cos(angles[0] - side_rad) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_crescent_leaves_the_other_side_of_the_lumen_open() -> None:
+    folded = trunk(CysticDuctScene(folds=6, fold_height=0.7))
+    at_m = np.linspace(0.0, folded.length_m, 601)
+    height_m = inward_m(folded, at_m, AROUND_RAD)
+    for i, j in crests(height_m):
+        assert height_m[i, (j + 36) % 72] < 0.1 * height_m[i, j]
 
 
 def test_a_fold_is_so_high_as_the_lumen_is_wide_where_it_is() -> None:
     tapered = trunk(CysticDuctScene(folds=6, fold_height=0.5, width_m=4e-3, end_width_m=2.4e-3))
-    at_m = np.linspace(0.0, tapered.length_m, 1200)
-    inward_m = inward_along_m(tapered, at_m, 1.0)
-    for begin_m, end_m in ((6e-3, 10e-3), (15e-3, 19e-3)):
-        here = (at_m > begin_m) & (at_m < end_m)
-        peak = np.argmax(np.where(here, inward_m, 0.0))
-        lumen_m = tapered.radius_at(at_m[peak]) - 0.5 * WALL_M
-        assert inward_m[peak] == pytest.approx(0.5 * lumen_m, rel=0.02)
+    at_m = np.linspace(0.0, tapered.length_m, 601)
+    height_m = inward_m(tapered, at_m, AROUND_RAD)
+    for i, j in crests(height_m):
+        lumen_m = tapered.radius_at(at_m[i]) - 0.5 * WALL_M
+        assert height_m[i, j] == pytest.approx(0.5 * lumen_m, rel=0.03)
 
 
 def test_no_more_folds_are_drawn_than_have_room() -> None:

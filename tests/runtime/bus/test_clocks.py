@@ -108,7 +108,7 @@ def _said(sent_ns: int, origin_ns: int) -> bytes:
 
 
 def test_a_time_namespace_has_a_clock_of_its_own() -> None:
-    code = "import trocar.services.runtime.bus.clocks as clocks; print(clocks._WHOSE.hex())"
+    code = "import trocar.services.runtime.bus.clocks as clocks; print(clocks.OWN_CLOCK.hex())"
     command = [sys.executable, "-c", code]
     ours = [subprocess.run(command, check=True, capture_output=True, text=True).stdout for _ in range(2)]
     apart = subprocess.run(

@@ -6,7 +6,7 @@ import errno
 import socket
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -36,12 +36,6 @@ SILENCE_S = 0.5
 def rig_keys(tmp_path: Path) -> Path:
     keys.make(tmp_path / "keys")
     return tmp_path / "keys"
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    with ExitStack() as stack:
-        yield stack
 
 
 def _bus(stack: ExitStack, directory: Path | None, **topics: list[str]) -> ZmqBus:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -21,12 +21,6 @@ STATE, MODEL = "gateway.state", "haptics.contact_model"
 PORT = base_port(24_000)
 NOWHERE = "192.0.2.7"  # of RFC 5737: nobody has it
 Eventually = Callable[[Callable[[], bool]], None]
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    with ExitStack() as stack:
-        yield stack
 
 
 def _bus(stack: ExitStack, transport: Transport, **topics: list[str]) -> ZmqBus:

@@ -194,8 +194,13 @@ def test_what_would_hide_or_shut_out_another_is_refused(tmp_path: Path, text: st
     ],
 )
 def test_containers_and_a_window_take_no_port_of_the_page(tmp_path: Path, rest: str) -> None:
-    config.load(Rig, write(tmp_path, f"name: r\n{rest}"))
-    config.load(Rig, write(tmp_path, "name: r\nvisualization: {port: 0}\nsupervisor: {web: {port: 0}}"))
+    rig = config.load(Rig, write(tmp_path, f"name: r\n{rest}"))[0]
+    assert rig.supervisor.web.port == rig.visualization.port == 8081
+
+
+def test_any_free_port_may_be_asked_for_twice(tmp_path: Path) -> None:
+    rig = config.load(Rig, write(tmp_path, "name: r\nvisualization: {port: 0}\nsupervisor: {web: {port: 0}}"))[0]
+    assert rig.supervisor.web.port == rig.visualization.port == 0
 
 
 def test_a_file_that_is_not_there_names_those_that_are() -> None:

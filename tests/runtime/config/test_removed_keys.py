@@ -33,4 +33,4 @@ def test_a_removed_key_is_named_once_and_changes_nothing(
 @pytest.mark.parametrize("key", REMOVED_RIG_KEYS)
 def test_a_verb_takes_an_option_with_a_removed_key(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TROCAR_REMOVED_KEYS_TOLD", " ".join(REMOVED_RIG_KEYS))
-    checked_rig("stub", None, [f"{key}=[nice]"])
+    assert checked_rig("stub", None, [f"{key}=[nice]"])[0] == checked_rig("stub", None, [])[0]

@@ -29,12 +29,6 @@ from trocar.services.runtime.measures.flights import (
 MS = 1_000_000
 
 
-@pytest.fixture
-def directory(tmp_path: Path) -> Path:
-    tmp_path.chmod(0o700)
-    return tmp_path
-
-
 def _shared(directory: Path, name: str = "loop", stages: tuple[str, ...] = ("a", "b")) -> tuple[FlightRing, Path]:
     ring = FlightRing(1000.0, stages)
     path = directory / f"{name}.flight"
@@ -42,14 +36,14 @@ def _shared(directory: Path, name: str = "loop", stages: tuple[str, ...] = ("a",
     return ring, path
 
 
-def test_what_a_loop_wrote_is_read_by_another(directory: Path) -> None:
+def test_what_a_loop_wrote_is_read_by_another(private_folder: Path) -> None:
     meter = LoopMeter(1000.0, ("a", "b"))
-    meter.flight.share(directory / "loop.flight")
+    meter.flight.share(private_folder / "loop.flight")
     for tick in range(3):
         meter.start(tick * MS, tick * MS + 100)
         meter.tick, meter.stages_ns = 70 + tick, (5, 7)
         meter.finish(tick * MS + 900 + tick)
-    flight = read_ring(directory / "loop.flight")
+    flight = read_ring(private_folder / "loop.flight")
     assert flight is not None
     assert (flight.name, flight.pid, flight.rate_hz, flight.stages) == ("loop", os.getpid(), 1000.0, ("a", "b"))
     assert flight.column("tick").tolist() == [70, 71, 72]
@@ -71,8 +65,8 @@ def test_stages_that_are_not_said_are_none_of_the_tick_before() -> None:
     assert rows[:2, 5].tolist() == [9, 0]
 
 
-def test_two_seconds_are_kept_and_the_newest(directory: Path) -> None:
-    ring, path = _shared(directory)
+def test_two_seconds_are_kept_and_the_newest(private_folder: Path) -> None:
+    ring, path = _shared(private_folder)
     for tick in range(5000):
         ring.write(tick, 0, 0, 0, 0, (0, 0))
     flight = read_ring(path)
@@ -80,8 +74,8 @@ def test_two_seconds_are_kept_and_the_newest(directory: Path) -> None:
     assert flight.column("tick").tolist() == list(range(3001, 5000))  # but the row that might be written just now
 
 
-def test_rows_are_whole_while_they_are_written(directory: Path) -> None:
-    ring, path = _shared(directory)
+def test_rows_are_whole_while_they_are_written(private_folder: Path) -> None:
+    ring, path = _shared(private_folder)
     stop = threading.Event()
 
     def write() -> None:
@@ -107,11 +101,11 @@ def test_rows_are_whole_while_they_are_written(directory: Path) -> None:
         writer.join()
 
 
-def test_a_ring_of_a_killed_process_is_there_and_a_new_one_takes_its_place(directory: Path) -> None:
-    old, path = _shared(directory)
+def test_a_ring_of_a_killed_process_is_there_and_a_new_one_takes_its_place(private_folder: Path) -> None:
+    old, path = _shared(private_folder)
     old.write(1, 0, 0, 0, 0, (0, 0))
     kept = read_ring(path)
-    new, _ = _shared(directory)
+    new, _ = _shared(private_folder)
     new.write(2, 0, 0, 0, 0, (0, 0))
     old.write(3, 0, 0, 0, 0, (0, 0))  # it still runs: what it writes goes nowhere, and hurts nobody
     flight = read_ring(path)
@@ -120,19 +114,19 @@ def test_a_ring_of_a_killed_process_is_there_and_a_new_one_takes_its_place(direc
     assert (kept.column("tick").tolist(), flight.column("tick").tolist()) == ([1], [2])
 
 
-def test_what_is_no_ring_is_left_out(directory: Path) -> None:
-    _shared(directory, "good")
-    (directory / "empty.flight").touch()
-    (directory / "wrong.flight").write_bytes(os.urandom(10_000))
-    (directory / "lying.flight").write_bytes(b"TROCARF1" + (9999).to_bytes(4, "little") + b"{" * 5000)
-    (directory / "link.flight").symlink_to(directory / "good.flight")
-    assert [flight.name for flight in read_rings(directory)] == ["good"]
+def test_what_is_no_ring_is_left_out(private_folder: Path) -> None:
+    _shared(private_folder, "good")
+    (private_folder / "empty.flight").touch()
+    (private_folder / "wrong.flight").write_bytes(os.urandom(10_000))
+    (private_folder / "lying.flight").write_bytes(b"TROCARF1" + (9999).to_bytes(4, "little") + b"{" * 5000)
+    (private_folder / "link.flight").symlink_to(private_folder / "good.flight")
+    assert [flight.name for flight in read_rings(private_folder)] == ["good"]
 
 
-def test_nobody_else_may_read_it(directory: Path) -> None:
-    _, path = _shared(directory)
+def test_nobody_else_may_read_it(private_folder: Path) -> None:
+    _, path = _shared(private_folder)
     assert path.stat().st_mode & 0o077 == 0
-    directory.chmod(0o755)
+    private_folder.chmod(0o755)
     with pytest.raises(BusError, match="others may use it"):
         FlightRing(1000.0).share(path)
 

@@ -42,7 +42,8 @@ def test_beyond_loopback_the_page_is_encrypted_or_said_to_be_open(overrides: tup
 
 
 def test_a_picture_that_nobody_serves_needs_none() -> None:
-    config.load_rig("stub", ("visualization.host=0.0.0.0", "visualization.viewer=native"))
+    rig = config.load_rig("stub", ("visualization.host=0.0.0.0", "visualization.viewer=native"))
+    assert (rig.visualization.host, rig.supervisor.web.keys) == ("0.0.0.0", None)
 
 
 def test_the_verb_makes_keys_and_certificate_once(tmp_path: Path) -> None:

@@ -24,11 +24,11 @@ from trocar.studies.accuracy.tuning import (
     Rung,
     Step,
     Tuned,
-    _walk,
     finest,
     measure_ladder,
     steps_down,
     tune,
+    walk_down,
     worth_having,
 )
 from trocar.studies.commands.tune import Request, run_tune, tuned_text
@@ -109,7 +109,7 @@ def test_a_surface_file_is_meshed_coarser_by_longer_edges():
 def test_the_way_down_never_climbs_again():
     scene = finest(example_scene())
     fine, coarse = Step("20", {"duct.n_modes": 20}), Step("10", {"duct.n_modes": 10})
-    assert [[s.name for s in taken] for taken, _ in _walk(scene, [coarse, fine])] == [[], ["10"]]
+    assert [[s.name for s in taken] for taken, _ in walk_down(scene, [coarse, fine])] == [[], ["10"]]
 
 
 def test_what_frees_most_time_for_least_error_goes_first():

@@ -6,9 +6,8 @@ import asyncio
 import socket
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -30,22 +29,10 @@ from trocar.services.supervisor.page.web import PageContext, build_app
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    tmp_path.chmod(0o700)
-    return tmp_path
-
-
-@pytest.fixture
-def bench(folder: Path) -> Bench:
-    made = Bench(rig(transport={"directory": folder}))
+def bench(private_folder: Path) -> Bench:
+    made = Bench(rig(transport={"directory": private_folder}))
     made.run(5.0, lambda: made.supervisor.state is RigState.RUNNING)
     return made
-
-
-@pytest.fixture
-def control(bench: Bench) -> Iterator[CommandSocket]:
-    with closing(CommandSocket(bench.supervisor)) as opened:
-        yield opened
 
 
 def trocar(folder: Path, command: str, *turned: Any) -> tuple[int, str]:
@@ -72,40 +59,42 @@ def turn_of(bench: Bench, control: CommandSocket, obeys: bool = True) -> Any:
     return turn
 
 
-def test_commands_need_no_page(bench: Bench, control: CommandSocket, folder: Path) -> None:
-    code, said = trocar(folder, "safe-stop", turn_of(bench, control))
+def test_commands_need_no_page(bench: Bench, control: CommandSocket, private_folder: Path) -> None:
+    code, said = trocar(private_folder, "safe-stop", turn_of(bench, control))
     assert (code, said) == (0, "safe stop: every hand is let go\n")
     assert bench.supervisor.state is RigState.SAFE_STOP
-    assert trocar(folder, "arm", turn_of(bench, control)) == (0, "armed: hands may be pushed\n")
+    assert trocar(private_folder, "arm", turn_of(bench, control)) == (0, "armed: hands may be pushed\n")
     assert bench.supervisor.body().armed == 1
 
 
-def test_a_safe_stop_that_nothing_came_of_is_no_success(bench: Bench, control: CommandSocket, folder: Path) -> None:
+def test_a_safe_stop_that_nothing_came_of_is_no_success(
+    bench: Bench, control: CommandSocket, private_folder: Path
+) -> None:
     """It ended with 0 while the supervisor stood still."""
-    code, said = trocar(folder, "safe-stop")
+    code, said = trocar(private_folder, "safe-stop")
     assert (code != 0, "the supervisor does not answer" in said) == (True, True)
-    code, said = trocar(folder, "safe-stop", turn_of(bench, control, obeys=False))
+    code, said = trocar(private_folder, "safe-stop", turn_of(bench, control, obeys=False))
     assert (code != 0, "has not said that it obeys" in said) == (True, True)
 
 
-def test_silent_callers_keep_no_command_out(bench: Bench, control: CommandSocket, folder: Path) -> None:
+def test_silent_callers_keep_no_command_out(bench: Bench, control: CommandSocket, private_folder: Path) -> None:
     """Eight connections that nobody spoke on did."""
     with ExitStack() as stack:
         for _ in range(20):
             caller = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
-            caller.connect(str(control_path(Transport(directory=folder))))
+            caller.connect(str(control_path(Transport(directory=private_folder))))
             control.run_turn(bench.now_s)
-        assert trocar(folder, "arm", turn_of(bench, control)) == (0, "armed: hands may be pushed\n")
+        assert trocar(private_folder, "arm", turn_of(bench, control)) == (0, "armed: hands may be pushed\n")
 
 
 def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
-    bench: Bench, control: CommandSocket, folder: Path
+    bench: Bench, control: CommandSocket, private_folder: Path
 ) -> None:
     hand = Stub()
     orders = SupervisorCommands([hand], None)  # type: ignore[list-item]
-    orders.line = StopLine(Transport(directory=folder))
+    orders.line = StopLine(Transport(directory=private_folder))
     hand.engagement.state = EngagementState.ACTIVE
-    code, said = trocar(folder, "safe-stop", lambda: orders.obey_frames([], 1))
+    code, said = trocar(private_folder, "safe-stop", lambda: orders.obey_frames([], 1))
     assert (code, said) == (0, "the supervisor does not answer: the gateway itself has let every hand go\n")
     assert (orders.stopped, orders.stop_report, hand.engagement.gain) == (True, 2.0, 0.0)
     orders.obey_frames([_frame(False, armed=1), _frame(False, armed=2)], 1)
@@ -118,7 +107,7 @@ def test_where_the_supervisor_stands_still_the_gateway_itself_is_asked(
     orders.line.close()
 
 
-def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: CommandSocket, folder: Path) -> None:
+def test_the_page_has_the_same_way_to_the_gateway(bench: Bench, control: CommandSocket, private_folder: Path) -> None:
     orders = SupervisorCommands([Stub()], None)  # type: ignore[list-item]
     transport = bench.supervisor.rig.transport
     orders.line = StopLine(transport)
@@ -175,13 +164,13 @@ def test_an_arm_is_not_undone_by_a_report_of_before_it(bench: Bench) -> None:
     assert bench.supervisor.body().safe_stop, "and one that comes after it holds"
 
 
-def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: CommandSocket, folder: Path) -> None:
+def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: CommandSocket, private_folder: Path) -> None:
     callers = [socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(20)]
     for caller in callers:
         caller.settimeout(5.0)
         with_room = True
         try:
-            caller.connect(str(control_path(Transport(directory=folder))))
+            caller.connect(str(control_path(Transport(directory=private_folder))))
             caller.send(b"\xff{" * 9)
         except OSError:
             with_room = False
@@ -189,8 +178,8 @@ def test_garbage_on_the_line_is_hung_up_on(bench: Bench, control: CommandSocket,
         control.run_turn(bench.now_s)
         assert with_room
         caller.close()
-    assert trocar(folder, "arm", turn_of(bench, control))[0] == 0
+    assert trocar(private_folder, "arm", turn_of(bench, control))[0] == 0
 
 
-def test_nobody_is_asked_where_no_gateway_runs(folder: Path) -> None:
-    assert not stop_gateway(Transport(directory=folder))
+def test_nobody_is_asked_where_no_gateway_runs(private_folder: Path) -> None:
+    assert not stop_gateway(Transport(directory=private_folder))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
@@ -35,12 +35,6 @@ def bench(tmp_path: Path) -> Bench:
     made = Bench(rig(transport={"directory": tmp_path}))
     made.run(5.0, lambda: made.supervisor.state is RigState.RUNNING)
     return made
-
-
-@pytest.fixture
-def control(bench: Bench) -> Iterator[CommandSocket]:
-    with closing(CommandSocket(bench.supervisor)) as opened:
-        yield opened
 
 
 def _asked(bench: Bench, what: str) -> Callable[[], bodies.Answer]:

@@ -18,6 +18,7 @@ import numpy as np
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem.triangle import signed_areas
 
+# The optimal values, by which in-plane bending is exact (Felippa, 2003):
 ALPHA_B = 1.5
 BETA = np.array([1.0, 2.0, 1.0, 0.0, 1.0, -1.0, -1.0, -1.0, -2.0])
 # Rows: natural strains along sides 21, 32, 13; columns: hierarchical rotations at corners 1, 2, 3.

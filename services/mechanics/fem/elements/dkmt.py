@@ -21,7 +21,7 @@ from trocar.services.mechanics.fem.elements.dkt import MIDSIDE_POINTS, SIDES, cu
 from trocar.services.mechanics.fem.triangle import signed_areas
 
 SHEAR_FACTOR = 5.0 / 6.0
-"""Of a parabola over the thickness."""
+"""As shear stresses are a parabola over the thickness (Reissner, 1945)."""
 
 
 def stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray) -> FloatArray:

@@ -12,8 +12,9 @@ from trocar.services.mechanics.fem.nonlinear.corotational import CorotationalShe
 STEP = 1e-4
 """Of the differences: part of a triangle's size, and angle in rad. Their error is of second order in it."""
 CHUNK = 512
-"""Triangles whose third derivatives exist at the same time (12 MB)."""
+"""Triangles whose third derivatives exist at the same time: so many that they take 12 MB, whatever the mesh."""
 _AXES = 18
+"""Of a triangle: three nodes with six dofs each, as `assembly` numbers them."""
 
 
 def cubic_tensor_and_energies(

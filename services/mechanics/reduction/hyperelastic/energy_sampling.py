@@ -12,15 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel, pressure_load
 from trocar.services.mechanics.fem.frames import local_frames
 from trocar.services.mechanics.fem.section import axis_in_plane, strain_rotation
-from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
-from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.reduction.cache import fetch_record
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
 from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import axial_directions, stretch_loads
 from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
@@ -28,18 +27,8 @@ from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.surface.mesh import vertex_normals
 
-_HERE = Path(__file__).parent
-SOURCES = (
-    _HERE,
-    _HERE.parent / "free_dofs.py",
-    _HERE.parent / "residual_vectors.py",
-    _HERE.parent / "membrane_laws",
-    _HERE.parent / "large_rotations" / "sections.py",
-    _HERE.parent / "nonlinear" / "membrane.py",
-    _HERE.parents[1] / "surface" / "mesh.py",
-)
-"""What the numbers follow from beside the modes and the elements, which are in the name."""
 SEED = 1
+"""Any one, so that each build of a wall draws the same."""
 PLACES = 40
 """Places on the wall that the loads of the training press and pull at, along three directions."""
 LARGEST_Q = (0.2, 1.0, 3.0)
@@ -78,18 +67,14 @@ def fetch_samples(
 ) -> StretchSamples:
     """Return the samples of a recipe's wall, from the cache where they are there."""
 
-    def make(entry: cache.Entry) -> None:
+    def make() -> StretchSamples:
         progress("stretch of the wall", 0.0)
         samples = choose_samples(recipe.model(), basis, law)
-        entry.save("strain", samples.strain)
-        entry.save("energy_j", samples.energy_j)
-        entry.describe(content_hash=basis.content_hash, law=law.number, parameters=law.parameters.tolist())
         progress("stretch of the wall", 1.0)
+        return samples
 
-    names = basis.content_hash, recipe.key(), law.number, law.parameters, hash_sources(*SOURCES)
-    name = f"stretch-{hash_content(*names)}"
-    entry = cache.fetch(cache_dir or cache_directory(), name, make)
-    return StretchSamples(entry.load("strain"), entry.load("energy_j"), law)
+    name = entry_name("stretch", __name__, basis.content_hash, recipe.key(), law.number, law.parameters)
+    return fetch_record(cache_dir, name, StretchSamples, make, content_hash=basis.content_hash)
 
 
 def choose_samples(model: ShellModel, basis: ModalBasis, law: BeyondLinear) -> StretchSamples:

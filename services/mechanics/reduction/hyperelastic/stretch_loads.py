@@ -1,7 +1,8 @@
 """Loads that stretch a wall as a whole, whose responses the lowest modes hardly have: they bend and ovalise.
 
 A tube that is inflated or pulled moves by fast patterns, of even strain but for the ends. They are made residual
-vectors of the basis, so that the law acts on them too.
+vectors of the basis, so that the law acts on them too. Where the wall stiffens it moves otherwise: least where it was
+stretched most, as round a bend. So the responses to the forces of the stiffening are residual vectors as well.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import numpy as np
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import ShellModel, pressure_load
 from trocar.services.mechanics.reduction.basis import ModalBasis
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from trocar.services.mechanics.reduction.large_rotations.sections import axial_coordinate
+from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
 from trocar.services.mechanics.reduction.residual_vectors import add_residual_vectors
 from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
@@ -27,8 +30,21 @@ of half of the duct at a hoop strain of 0.1 is 1.8 % off in place of 3.8."""
 
 def with_stretch_modes(model: ShellModel, basis: ModalBasis) -> tuple[ModalBasis, int]:
     """Add the modes of the stretched wall; also returned is how many they are."""
-    loads = np.concatenate(stretch_loads(model))
+    groups = stretch_loads(model)
+    loads = np.concatenate([*groups, _stiffening_loads(model, groups)])
     return add_residual_vectors(model, basis, loads, len(loads))
+
+
+def _stiffening_loads(model: ShellModel, groups: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+    """Return the forces (k, n, 3) of the stiffening where the wall is inflated, pulled at its end, and by both."""
+    pressed, pulled, at_rims = groups
+    loads = [pressed.sum(axis=0), (at_rims if len(at_rims) else pulled).sum(axis=0)]
+    moved = model.factor.solve(np.stack([free_load(model, load) for load in loads], axis=1))
+    inflated, longer = np.moveaxis(nodal_translations(model, moved), 2, 0)
+    longer = longer * np.linalg.norm(inflated) / np.linalg.norm(longer)
+    membrane = Membrane.from_model(model)
+    states = inflated, longer, inflated + longer, inflated - longer
+    return np.stack([membrane.stiffening_force_n(state) for state in states])
 
 
 def stretch_loads(model: ShellModel) -> tuple[FloatArray, FloatArray, FloatArray]:

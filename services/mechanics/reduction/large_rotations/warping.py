@@ -18,6 +18,7 @@ import numpy as np
 import scipy
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.large_rotations.sections import Sections, cut_sections
 from trocar.services.mechanics.reduction.large_rotations.warping_kernels import (
@@ -81,7 +82,9 @@ def warped_tube(warp: TubeWarp | None, n_modes: int) -> WarpedTube:
         arm=warp.arm_m,
         local=warp.local,
     )
-    update_axis(tube.address, tube.q)
+    rest = tube.q.copy()
+    tube.q[:] = np.nan  # of no state yet
+    update_axis(tube.address, rest)
     return tube
 
 
@@ -97,6 +100,11 @@ class SectionFrame:
         self._rates_are_stale = True
 
     @property
+    def address(self) -> Address[WarpedTube]:
+        """The axis for kernels."""
+        return self._tube.address
+
+    @property
     def centres_m(self) -> FloatArray:
         """Points of the axis (s + 1, 3) in this state; a live view."""
         return self._tube.centre
@@ -108,8 +116,8 @@ class SectionFrame:
 
     def update(self, q: FloatArray) -> None:
         """Integrate the axis for modal coordinates q (r,)."""
-        update_axis(self._tube.address, q)
-        self._rates_are_stale = True
+        if update_axis(self._tube.address, q):
+            self._rates_are_stale = True
 
     def _refresh_rates(self) -> None:
         if self._rates_are_stale:

@@ -126,9 +126,14 @@ def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def update_axis(address: Address[WarpedTube], q: FloatArray) -> None:
-    """Do what `string_axis` does."""
-    string_axis(tube_at(address), q)
+def update_axis(address: Address[WarpedTube], q: FloatArray) -> bool:
+    """Do what `string_axis` does; False where it has been done at these coordinates already."""
+    tube = tube_at(address)
+    for mode in range(q.shape[0]):
+        if tube.q[mode] != q[mode]:
+            string_axis(tube, q)
+            return True
+    return False
 
 
 @kernel

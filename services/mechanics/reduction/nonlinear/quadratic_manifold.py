@@ -22,21 +22,20 @@ from pathlib import Path
 
 import numpy as np
 
-from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import ElementChoice, ShellModel
 from trocar.services.mechanics.fem.factorisation import factorise
-from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
-from trocar.services.mechanics.reduction.content_hash import hash_content
+from trocar.services.mechanics.reduction.cache import fetch_record
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.free_dofs import free_load
-from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce, energy_tensors
 from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
+from trocar.services.mechanics.reduction.nonlinear.membrane_polynomial import MembranePolynomial, energy_tensors
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 
 
-def relaxed_membrane_force(model: ShellModel, basis: ModalBasis, n_coordinates: int) -> CubicForce:
+def relaxed_membrane_force(model: ShellModel, basis: ModalBasis, n_coordinates: int) -> MembranePolynomial:
     """Return the membrane force of the lowest ``n_coordinates`` modes, in-plane motion relaxed.
 
     Raises ValueError if the model has another membrane element, or the basis fewer modes.
@@ -57,7 +56,7 @@ def relaxed_membrane_force(model: ShellModel, basis: ModalBasis, n_coordinates: 
     held = _static_forces(model, displacements)
     softer = _softened_strain(displacements.T @ held, basis.omega_rad_s[:n_coordinates])
     relaxed = fourth - _relaxation_energy(model, shapes, held)
-    return CubicForce.from_energies(np.arange(n_coordinates, dtype=np.int32), softer.T @ third, relaxed)
+    return MembranePolynomial.from_energies(np.arange(n_coordinates, dtype=np.int32), softer.T @ third, relaxed)
 
 
 def fetch_membrane_force(
@@ -66,23 +65,19 @@ def fetch_membrane_force(
     n_coordinates: int,
     cache_dir: Path | None = None,
     progress: Progress = ignore_progress,
-) -> CubicForce:
+) -> MembranePolynomial:
     """Return the relaxed membrane force of a recipe's duct, from the cache where it is there."""
 
-    def make(entry: cache.Entry) -> None:
+    def make() -> MembranePolynomial:
         progress("nonlinear membrane", 0.0)
         elements = ElementChoice("cst", recipe.elements.bending)
         model = ShellModel(recipe.mesh, recipe.section, recipe.supports, elements)
         force = relaxed_membrane_force(model, basis, n_coordinates)
-        entry.save("coordinates", force.coordinates)
-        entry.save("quadratic", force.quadratic)
-        entry.save("cubic", force.cubic)
-        entry.describe(content_hash=basis.content_hash, n_coordinates=n_coordinates)
         progress("nonlinear membrane", 1.0)
+        return force
 
-    name = f"membrane-{hash_content(basis.content_hash, recipe.key(), n_coordinates, 'softened strain')}"
-    entry = cache.fetch(cache_dir or cache_directory(), name, make)
-    return CubicForce(entry.load("coordinates"), entry.load("quadratic"), entry.load("cubic"))
+    name = entry_name("membrane", __name__, basis.content_hash, recipe.key(), n_coordinates)
+    return fetch_record(cache_dir, name, MembranePolynomial, make, content_hash=basis.content_hash)
 
 
 def _static_forces(model: ShellModel, displacements: FloatArray) -> FloatArray:

@@ -25,8 +25,8 @@ EXACT_NODES = 12_000
 MOST_COLOURS = 3_000
 """Solves a direction that probing may take, roughly."""
 _CHUNK = 65_536
-PAIR_BYTES = 40
-"""One float32 block and one index."""
+PAIR_BYTES = 9 * 4 + 4
+"""Of memory that a pair takes: nine float32 of its block, and an index."""
 
 
 def build_patches(

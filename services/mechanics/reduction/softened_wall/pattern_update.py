@@ -25,7 +25,6 @@ from trocar.services.mechanics.reduction.softened_wall.softened_wall import (
     N_NODES,
     N_SITES,
     NODE,
-    SECOND,
     SoftenedWall,
 )
 
@@ -58,7 +57,7 @@ def begin_candidate(wall: SoftenedWall) -> bool:
     for law in range(wall.mixed.shape[0]):
         for number in range(N_MIXED):
             wall.pressed_mixed[law, number] = wall.mixed[law, number]
-    wall.made[N_SITES], wall.made[FIRST], wall.made[SECOND] = count, 0, 0
+    wall.made[N_SITES], wall.made[FIRST] = count, 0
     share_laws(wall)
     wall.made[N_NODES] = 0
     if wall.shares[0] < 1.0:
@@ -84,15 +83,12 @@ def continue_candidate(wall: SoftenedWall) -> bool:
     """Take on some more pairs of sites, and nodes; True when the pattern is complete."""
     made, left = wall.made, PAIRS
     while left > 0 and made[FIRST] < made[N_SITES]:
-        first, second = made[FIRST], made[SECOND]
         for law in range(wall.shares.shape[0]):
             if wall.shares[law] > 0.0:
-                if second == 0:
-                    _add_linear(wall, law, wall.active[first])
-                _add_pair(wall, law, wall.active[first], wall.active[second])
-                left -= 1
-        is_last = second == first
-        made[FIRST], made[SECOND] = (first + 1, 0) if is_last else (first, second + 1)
+                _add_linear(wall, law, wall.active[made[FIRST]])
+                _add_pairs(wall, law, made[FIRST])
+                left -= made[FIRST] + 1
+        made[FIRST] += 1
     while left > 0 and made[NODE] < made[N_NODES]:
         add_node(wall, wall.active_nodes[made[NODE]])
         made[NODE] += 1
@@ -113,11 +109,14 @@ def _add_linear(wall: SoftenedWall, law: int, site: int) -> None:
 
 
 @kernel
-def _add_pair(wall: SoftenedWall, law: int, first: int, second: int) -> None:
-    """Add a pair of sites to T a a / 2."""
-    product = wall.pressed[law, first] * wall.pressed[law, second] * (0.5 if first == second else 1.0)
-    for site in range(wall.quadratic.shape[1]):
-        wall.quadratic[law, site] += product * wall.third[first, second, site]
+def _add_pairs(wall: SoftenedWall, law: int, last: int) -> None:
+    """Add the pairs of an active site with itself and with those before it to T a a / 2."""
+    out, pressed, site = wall.quadratic[law], wall.pressed[law], wall.active[last]
+    for place in range(last + 1):
+        other = wall.active[place]
+        product, row = pressed[site] * pressed[other] * (0.5 if place == last else 1.0), wall.third[site, other]
+        for k in range(out.shape[0]):
+            out[k] += product * row[k]
 
 
 @kernel

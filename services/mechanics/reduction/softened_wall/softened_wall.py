@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from trocar.services.mechanics.reduction.softening.training import WallSoftening
 
 N_MIXED = N_PARTS + 1
-N_SITES, FIRST, SECOND, N_NODES, NODE = range(5)
-"""What is made of a candidate: sites, the pair of them that comes next, nodes, and the node that comes next."""
+N_SITES, FIRST, N_NODES, NODE = range(4)
+"""What is made of a candidate: sites, the one of them that comes next, nodes, and the node that comes next."""
 
 
 class SoftenedWall(Struct):
@@ -54,7 +54,7 @@ class SoftenedWall(Struct):
     pressed_nodes: Annotated[FloatArray, "h"]
     active: Annotated[IntArray, "m"]
     active_nodes: Annotated[IntArray, "h"]
-    made: Annotated[LongArray, 5]
+    made: Annotated[LongArray, 4]
     shares: Annotated[FloatArray, "l"]  # of the laws
     energies: Annotated[FloatArray, "l", 2]  # V and E that they have
     of_nodes: Annotated[FloatArray, 2]  # V of the nodes so far, and what E is larger by

@@ -27,16 +27,15 @@ class LoadSites:
 
     Attributes:
         nodes: (m,) int32
-        compliance_m_n: (m, m) float64. Inward displacement of the sites under unit forces on them.
-        local_m_n: (m, m) float64. The same less the rigid motion of the piece of wall round each site, so that a duct
-            that is bent as a beam counts for nothing; symmetric, not negative.
+        local_m_n: (m, m) float64. Inward displacement of the sites under unit forces on them, less the rigid motion of
+            the piece of wall round each, so that a duct that is bent as a beam counts for nothing; symmetric, not
+            negative.
         near: (n, K) int32, weights: (n, K, 3) float64. Force f on a node is ``weights @ f`` on its nearest sites: that
             which comes nearest in energy, times ``scale``.
         scale: (n,) float64. With it a force on the node has the cubic energy of its own (`scaled_to_cubic`).
     """
 
     nodes: IntArray
-    compliance_m_n: FloatArray
     local_m_n: FloatArray
     near: IntArray
     weights: FloatArray
@@ -119,7 +118,7 @@ def place_sites(model: ShellModel, lumen: Lumen, own_m_n: FloatArray) -> tuple[L
     local = local_compliance_m_n(mesh, lumen, nodes, fields)
     near = np.asarray(scipy.spatial.cKDTree(mesh.vertices_m[nodes]).query(mesh.vertices_m, NEAREST)[1], np.int32)
     weights = np.stack([np.linalg.solve(W[np.ix_(n, n)], u[:, n].T) for n, u in zip(near, moved, strict=True)])
-    return LoadSites(nodes, W, local, near, weights, np.ones(mesh.n_vertices)), fields
+    return LoadSites(nodes, local, near, weights, np.ones(mesh.n_vertices)), fields
 
 
 def local_compliance_m_n(mesh: TriangleMesh, lumen: Lumen, nodes: IntArray, fields: FloatArray) -> FloatArray:

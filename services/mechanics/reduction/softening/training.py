@@ -10,14 +10,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel
 from trocar.services.mechanics.fem.nonlinear import CorotationalShell
 from trocar.services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
-from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
-from trocar.services.mechanics.reduction.content_hash import hash_content, hash_sources
+from trocar.services.mechanics.reduction.cache import fetch_record
+from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -28,7 +27,6 @@ from trocar.services.mechanics.reduction.softening.softening_law import (
     LOCAL_SCALE,
     LOCAL_SCALE_OF_NODES,
     Sample,
-    SofteningLaw,
     TwoLaws,
     alike,
     fit_law,
@@ -39,13 +37,6 @@ from trocar.services.mechanics.reduction.softening.softening_law import (
 from trocar.services.mechanics.reduction.softening.training_mesh import has_few_nodes, training_recipe
 from trocar.services.mechanics.reduction.softening.training_squeezes import SqueezedState, draw_squeezes, follow
 
-_HERE = Path(__file__).parent
-SOURCES = (
-    _HERE,
-    _HERE.parent / "free_dofs.py",
-    *(_HERE.parents[1] / "surface" / f"{name}.py" for name in ("coarsening", "mesh")),
-)
-"""What the numbers follow from beside the elements, which the recipe's key holds."""
 BESIDE_WIDTHS = 0.5
 """Of the lumen: nodes so near a support are squeezed more often than others."""
 LOCAL_WORK_SHARE = 1e-3
@@ -80,28 +71,11 @@ def fetch_softening(
     Raises ValueError if the wall encloses no lumen, or its supports hold some axes only.
     """
 
-    def make(entry: cache.Entry) -> None:
-        made = train_softening(recipe, own_compliance_m_n(duct), n_squeezes, progress)
-        for name in LoadSites.__slots__:
-            entry.save(f"sites_{name}", getattr(made.sites, name))
-        for name in Remainder.__slots__:
-            entry.save(f"remainder_{name}", getattr(made.remainder, name))
-        for name in SofteningLaw.__slots__:
-            entry.save(f"law_{name}", getattr(made.laws.of_sites, name))
-            entry.save(f"law_of_nodes_{name}", getattr(made.laws.of_nodes, name))
-        entry.save("share", made.laws.share)
-        entry.save("third", made.third)
-        entry.describe(recipe=recipe.key(), n_squeezes=n_squeezes)
+    def make() -> WallSoftening:
+        return train_softening(recipe, own_compliance_m_n(duct), n_squeezes, progress)
 
-    name = f"softening-{hash_content(recipe.key(), n_squeezes, hash_sources(*SOURCES))}"
-    entry = cache.fetch(cache_dir or cache_directory(), name, make)
-    sites = LoadSites(**{name: entry.load(f"sites_{name}") for name in LoadSites.__slots__})
-    remainder = Remainder(**{name: entry.load(f"remainder_{name}") for name in Remainder.__slots__})
-    of_sites, of_nodes = (
-        SofteningLaw(**{name: entry.load(f"{law}_{name}") for name in SofteningLaw.__slots__})
-        for law in ("law", "law_of_nodes")
-    )
-    return WallSoftening(sites, entry.load("third"), remainder, TwoLaws(of_sites, of_nodes, entry.load("share")))
+    name = entry_name("softening", __name__, duct.basis.content_hash, recipe.key(), n_squeezes)
+    return fetch_record(cache_dir, name, WallSoftening, make, recipe=recipe.key(), n_squeezes=n_squeezes)
 
 
 def train_softening(

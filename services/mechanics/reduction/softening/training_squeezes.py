@@ -22,6 +22,7 @@ from trocar.services.mechanics.reduction.softening.load_sites import Lumen
 from trocar.services.mechanics.surface.mesh import TriangleMesh, unique_edges
 
 SEED = 1
+"""Any one, so that each training of a wall draws the same."""
 PINCH_DEPTHS, POKE_DEPTHS, PULL_DEPTHS = (0.25, 0.6), (0.15, 0.5), (-0.25, -0.1)
 """Parts of the lumen's width."""
 PATCH_RADII = (0.0, 0.35)

@@ -32,7 +32,7 @@ from trocar.services.mechanics.arrays import AnyArray, Float32Array, FloatArray
 from trocar.services.mechanics.compiled import kernel, summing_kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
-from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce
+from trocar.services.mechanics.reduction.nonlinear.membrane_polynomial import MembranePolynomial
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import (
     DELIVERED,
     GAIN,
@@ -91,13 +91,11 @@ class WallStep(Struct):
     pattern: Pattern
     rows: Annotated[Float32Array, "n", "r"]  # B; halves what is read, and all is of the same rounded rows
     offset: Annotated[FloatArray, "n"]  # b
-    scaled: Annotated[Float32Array, "n", "r"]  # B root
     stiffness: Annotated[FloatArray, "r"]  # of the linear wall
     rest: Annotated[FloatArray, "r"]  # modal coordinates that the pattern's displacement counts from
     root: Annotated[FloatArray, "r"]
     pull: Annotated[FloatArray, "r"]  # state: root times the force that is held
     before: Annotated[FloatArray, "r"]  # state: the same of the step before
-    ahead: Annotated[FloatArray, "r"]
     residual: Annotated[Float32Array, "r"]
     step: Annotated[Float32Array, "r"]
     search: Annotated[Float32Array, "r"]
@@ -119,7 +117,7 @@ class WallStep(Struct):
         cls,
         stiffness: FloatArray,
         samples: StretchSamples | None = None,
-        polynomial: CubicForce | None = None,
+        polynomial: MembranePolynomial | None = None,
         series: PronySeries = NEVER,
         pattern: Pattern | None = None,
     ) -> WallStep:
@@ -145,13 +143,12 @@ class WallStep(Struct):
         for pull in (self.pull, self.before):
             pull *= np.divide(root, self.root, out=np.zeros_like(root), where=self.root > 0.0)
         self.root[:] = root
-        self.scaled[:] = self.rows * root
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
         own = self.pull, self.before, self.books, self.known, self.start, self.lag, self.lagging
         first = 3 * len(self.membrane.energy)
-        of_pattern = self.rows[first:], self.scaled[first:], self.offset
+        of_pattern = self.rows[first:], self.offset
         return *own, *of_pattern, *self.membrane.state_arrays(), *self.pattern.state_arrays()
 
 
@@ -182,14 +179,13 @@ def place_pattern(wall: WallStep) -> None:
     for mode in range(wall.root.shape[0]):
         n = acts * pattern.direction[mode]
         at_rest += n * wall.rest[mode]
-        wall.rows[last, mode], wall.scaled[last, mode] = n, n * wall.root[mode]
+        wall.rows[last, mode] = n
     wall.offset[last] = -at_rest
     for i in range(wall.polynomial.coordinates.shape[0]):
         own = wall.polynomial.coordinates[i]
         share = following_share(wall, pattern, own)
         for mode in range(wall.root.shape[0]):
-            row = (1.0 if mode == own else 0.0) - share * pattern.direction[mode]
-            wall.rows[first + i, mode], wall.scaled[first + i, mode] = row, row * wall.root[mode]
+            wall.rows[first + i, mode] = (1.0 if mode == own else 0.0) - share * pattern.direction[mode]
         wall.offset[first + i] = share * at_rest
 
 
@@ -324,12 +320,10 @@ def held_force(address: Address[WallStep], start: FloatArray, free_end: FloatArr
     """
     wall = wall_at(address)
     _know(wall, start)
-    for mode in range(wall.root.shape[0]):
-        wall.ahead[mode] = free_end[mode] / wall.root[mode]
     _extrapolate(wall.pull, wall.before)
-    for mode in range(wall.step.shape[0]):
-        wall.step[mode] = wall.ahead[mode] + wall.pull[mode]
-    _multiply(wall.scaled, wall.step, wall.at)
+    for mode in range(wall.root.shape[0]):
+        wall.image[mode] = free_end[mode] + wall.root[mode] * wall.pull[mode]
+    _multiply(wall.rows, wall.image, wall.at)
     for i in range(wall.at.shape[0]):
         wall.at[i] += wall.offset[i]
     for _ in range(NEWTON_STEPS):
@@ -419,8 +413,10 @@ def relax_wall(address: Address[WallStep], q_start: FloatArray, q: FloatArray, d
     _begin_slope(wall)
     _add_every_slope(wall, (1.0, 0.0))
     slope = wall.lagging
-    slope[:] = 0.0
-    _spread(wall.rows, wall.slope, 1.0, slope)
+    wall.image[:] = 0.0
+    _spread(wall.rows, wall.slope, 1.0, wall.image)
+    for mode in range(q.shape[0]):
+        slope[mode] = wall.image[mode]
     for term in range(wall.g.shape[0]):
         follow(wall.lag[term], slope, decay[term])
     acts = acting_share(wall)
@@ -446,34 +442,34 @@ def acting_share(wall: WallStep) -> float:
 def _newton_step(wall: WallStep) -> bool:
     """Take one step towards where the residual is zero; True when it is there."""
     residual, pull = wall.residual, wall.pull
-    for mode in range(pull.shape[0]):
-        residual[mode] = -pull[mode]
     wall.along[:] = 0.0
     _add_mean_slope(wall, 0.0)
-    _spread(wall.scaled, wall.slope, -1.0, residual)
+    residual[:] = 0.0
+    _spread(wall.rows, wall.slope, -1.0, residual)
     size, wrong = 0.0, 0.0
     for mode in range(pull.shape[0]):
+        residual[mode] = wall.root[mode] * residual[mode] - pull[mode]
         size += pull[mode] * pull[mode]
         wrong += residual[mode] * residual[mode]
     if wrong <= RELATIVE * RELATIVE * size:
         return True
     enough = (0.5 * RELATIVE) ** 2 * size
-    decrement, last = _solve_tangent(wall, enough)
+    decrement, error = _solve_tangent(wall, enough)
     length = 1.0 if decrement <= TRUSTED * size else _line_search(wall, SLACK * decrement)
     for mode in range(pull.shape[0]):
         pull[mode] += length * wall.step[mode]
     for i in range(wall.at.shape[0]):
         wall.at[i] += length * wall.along[i]
-    return length == 1.0 and last + SLACK * SLACK * decrement <= enough
+    return length == 1.0 and error + SLACK * SLACK * decrement <= enough
 
 
 @kernel
 def _solve_tangent(wall: WallStep, enough: float) -> tuple[float, float]:
     """Write the step (1 + H) step = residual, by conjugate gradients, and what it moves the readings by.
 
-    Returns step (1 + H) step, and what the last iteration added to it: an estimate of the square of the error that is
-    left (Hestenes and Stiefel 1952). They end where that is at most ``enough``, or `SLACK` of the step, and along a way
-    on which the wall would snap (Steihaug 1983).
+    Returns step (1 + H) step, and the square of the error that is left, as what the last iteration added to it
+    estimates it (Hestenes and Stiefel 1952), or the residual, where that is smaller. They end where that is at most
+    ``enough``, or `SLACK` of the step, and along a way on which the wall would snap (Steihaug 1983).
     """
     residual, step, search, image = wall.residual, wall.step, wall.search, wall.image
     step[:] = 0.0
@@ -481,15 +477,17 @@ def _solve_tangent(wall: WallStep, enough: float) -> tuple[float, float]:
     for mode in range(step.shape[0]):
         search[mode] = residual[mode]
         left += residual[mode] * residual[mode]
-    decrement = last = 0.0
+    decrement, error = 0.0, left
     for _ in range(GRADIENT_STEPS):
         for mode in range(step.shape[0]):
-            image[mode] = search[mode]
-        _multiply(wall.scaled, search, wall.searched)
+            image[mode] = wall.root[mode] * search[mode]
+        _multiply(wall.rows, image, wall.searched)
         _tangent_times(wall, wall.searched)
-        _spread(wall.scaled, wall.slope, 1.0, image)
+        image[:] = 0.0
+        _spread(wall.rows, wall.slope, 1.0, image)
         curvature = 0.0
         for mode in range(step.shape[0]):
+            image[mode] = search[mode] + wall.root[mode] * image[mode]
             curvature += search[mode] * image[mode]
         if not curvature > 0.0:
             break
@@ -501,13 +499,13 @@ def _solve_tangent(wall: WallStep, enough: float) -> tuple[float, float]:
             left += residual[mode] * residual[mode]
         for i in range(wall.along.shape[0]):
             wall.along[i] += length * wall.searched[i]
-        last = length * before
-        decrement += last
-        if last <= max(enough, SLACK * SLACK * decrement) or left == 0.0:
+        decrement += length * before
+        error = min(length * before, left)
+        if error <= max(enough, SLACK * SLACK * decrement):
             break
         for mode in range(step.shape[0]):
             search[mode] = residual[mode] + left / before * search[mode]
-    return decrement, last
+    return decrement, error
 
 
 @kernel

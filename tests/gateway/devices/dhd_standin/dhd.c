@@ -19,8 +19,19 @@ struct device {
 static struct device devices[DEVICES];
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static int failing, hang_ms, count = 1, logged;
-static double log_n[LOG][3];
+static double log_n[LOG][4]; /* of the arm, and of its gripper */
 static __thread const char *error = "no error";
+
+/* A device bears a force while it is there, has power, and its motors are on: the library's call and its own button. */
+static bool bears(const struct device *d) {
+  return d->there && !failing && d->on && d->status[POWER] && d->status[FORCE];
+}
+
+static void log_force(signed char id) {
+  if (id != 0 || logged >= LOG) return;
+  for (int k = 0; k < 4; k++) log_n[logged][k] = bears(&devices[0]) ? devices[0].force[k < 3 ? k : FORCES - 1] : 0.0;
+  logged++;
+}
 
 static struct device *find(signed char id) {
   struct device *d = id >= 0 && id < DEVICES ? &devices[(int)id] : NULL;
@@ -120,13 +131,13 @@ int dhdGetGripperAngleRad(double *out, signed char id) {
 int dhdSetForceAndTorqueAndGripperForce(double x, double y, double z, double a, double b, double c, double g,
                                         signed char id) {
   struct device *d = find(id);
-  if (d == NULL) return -1;
   double force[FORCES] = {x, y, z, a, b, c, g};
   pthread_mutex_lock(&lock);
-  memcpy(d->force, force, sizeof force);
-  if (id == 0 && logged < LOG) memcpy(log_n[logged++], force, sizeof log_n[0]);
+  if (d == NULL && id >= 0 && id < DEVICES) memset(force, 0, sizeof force); /* one that is away forgets */
+  if (id >= 0 && id < DEVICES) memcpy(devices[(int)id].force, force, sizeof force);
+  log_force(id);
   pthread_mutex_unlock(&lock);
-  return 0;
+  return d == NULL ? -1 : 0;
 }
 
 /* Hooks of the tests. */
@@ -167,10 +178,9 @@ void standin_fail(int on) { failing = on; }
 void standin_hang(int ms) { hang_ms = ms; }
 int standin_gravity(int k) { return devices[k].gravity; }
 
-/* A device pushes only while its motors are on. */
 double standin_force(int k, int axis) {
   pthread_mutex_lock(&lock);
-  double force = devices[k].on ? devices[k].force[axis] : 0.0;
+  double force = bears(&devices[k]) ? devices[k].force[axis] : 0.0;
   pthread_mutex_unlock(&lock);
   return force;
 }

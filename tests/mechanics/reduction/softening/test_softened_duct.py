@@ -41,16 +41,11 @@ LENGTH_M, WIDTH_M = 30e-3, 8e-3
 
 
 @pytest.fixture(scope="module")
-def folder(cache_dir):
-    return cache_dir
-
-
-@pytest.fixture(scope="module")
-def duct(folder):
+def duct(cache_dir):
     mesh = parametric_duct(DuctGeometry(0.5 * WIDTH_M, LENGTH_M, 16, 16))
     section = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
     recipe = DuctRecipe(mesh, section, (clamp(mesh),), 100, ElementChoice("andes", "dkt"), n_local_modes=16)
-    return reduce_duct(recipe, 0.1, folder)
+    return reduce_duct(recipe, 0.1, cache_dir)
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +54,9 @@ def lumen(duct):
 
 
 @pytest.fixture(scope="module")
-def softening(duct, folder):
+def softening(duct, cache_dir):
     told = []
-    made = fetch_softening(duct.recipe, duct, 16, folder, lambda stage, part: told.append((stage, part)))
+    made = fetch_softening(duct.recipe, duct, 16, cache_dir, lambda stage, part: told.append((stage, part)))
     if told:  # it was trained now; one that was kept from another run is found without a word
         assert told[0][0] == "cubic energy"
         parts_told = [part for stage, part in told if stage == "squeezes of the wall"]
@@ -117,13 +112,13 @@ def test_force_is_that_of_the_nonlinear_shell(duct, lumen, softening, name, x_m,
 
 @pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), by_day(UNSEEN[1:2], [UNSEEN[0], UNSEEN[8]]))
 def test_beside_the_nonlinear_membrane_a_squeeze_is_counted_once(
-    duct, lumen, softening, folder, name, x_m, angle_rad, depth, is_pinch
+    duct, lumen, softening, cache_dir, name, x_m, angle_rad, depth, is_pinch
 ):
     """The polynomial is that of what the pattern does not move."""
     nodes, lines = jaws(lumen, duct.mesh, Squeeze(node_at(duct.mesh, x_m, angle_rad), 0.0, 0.0, is_pinch))
     wanted = np.full(len(nodes), depth * WIDTH_M / len(nodes))
     alone, both = (SqueezedWall(duct, softening, nodes, lines) for _ in range(2))
-    both.terms.polynomial = fetch_membrane_force(duct.recipe, duct.basis, 12, folder)
+    both.terms.polynomial = fetch_membrane_force(duct.recipe, duct.basis, 12, cache_dir)
     one, other = (wall.squeeze(wanted)[0].sum() for wall in (alone, both))
     assert other == pytest.approx(one, rel=0.02)
 
@@ -273,7 +268,7 @@ FINE_NODES_MAX, COARSE_NODES = 200, 140
 
 
 @pytest.fixture(scope="module")
-def softening_of_fewer_nodes(duct, folder):
+def softening_of_fewer_nodes(duct, cache_dir):
     """Trained on half the duct's nodes, as a duct of many is; kept as the others are."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(training_mesh, "FINE_NODES_MAX", FINE_NODES_MAX)
@@ -283,7 +278,7 @@ def softening_of_fewer_nodes(duct, folder):
         held = followed.mesh.vertices_m[followed.supports[0].vertices, 0]
         assert len(held) >= 6
         assert np.allclose(held, 0.0)
-        made = fetch_softening(duct.recipe, duct, 16, folder / f"taught-by-{COARSE_NODES}-of-{FINE_NODES_MAX}")
+        made = fetch_softening(duct.recipe, duct, 16, cache_dir / f"taught-by-{COARSE_NODES}-of-{FINE_NODES_MAX}")
         assert made.remainder.third.size == 0
         return made
 
@@ -379,11 +374,11 @@ def test_zero_is_a_point_of_the_law(softening):
         np.testing.assert_array_equal(law.work[:, inside], parts(law.rho[inside]))
 
 
-def test_it_is_found_again(duct, softening, folder):
+def test_it_is_found_again(duct, softening, cache_dir):
     def refuse(stage, part):
         raise AssertionError(f"{stage} is computed again")
 
-    again = fetch_softening(duct.recipe, duct, 16, folder, refuse)
+    again = fetch_softening(duct.recipe, duct, 16, cache_dir, refuse)
     np.testing.assert_array_equal(again.third, softening.third)
     np.testing.assert_array_equal(again.remainder.third, softening.remainder.third)
     np.testing.assert_array_equal(again.laws.of_nodes.coefficients, softening.laws.of_nodes.coefficients)

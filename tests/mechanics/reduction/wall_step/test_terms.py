@@ -12,7 +12,7 @@ from trocar.services.mechanics.reduction import ExactOscillator, ModalState, New
 from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
 from trocar.services.mechanics.reduction.membrane_laws import MEMBRANE_LAWS
 from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
-from trocar.services.mechanics.reduction.nonlinear.cubic_force import CubicForce
+from trocar.services.mechanics.reduction.nonlinear.membrane_polynomial import MembranePolynomial
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import (
     DELIVERED,
     GAIN,
@@ -53,7 +53,7 @@ def random_polynomial(random):
     half = random.standard_normal((COORDINATES, pairs))
     scale = np.outer(OMEGA[:COORDINATES], OMEGA[:COORDINATES])[np.triu_indices(COORDINATES)]
     third = 0.7 * OMEGA[:COORDINATES, None] * half * scale
-    return CubicForce.from_energies(
+    return MembranePolynomial.from_energies(
         np.arange(COORDINATES, dtype=np.int32), third, 0.5 * (half * scale).T @ (half * scale)
     )
 
