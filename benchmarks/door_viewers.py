@@ -10,6 +10,7 @@ import json
 import subprocess
 import sys
 
+from report import end_in_good_order
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
@@ -32,7 +33,8 @@ def subscribe(viewer: ClientConnection) -> None:
 
 
 def main(directory: str) -> None:
-    """Serve and look until killed."""
+    """Serve and look until killed; then the door is ended, too."""
+    end_in_good_order()
     options = ["foxglove", "--port", "0", "--set", f"transport.directory={directory}"]
     command = [sys.executable, "-c", "from trocar.services.cli.app import main; main()", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as door:

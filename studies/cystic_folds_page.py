@@ -150,10 +150,10 @@ def _finer(runs: Sequence[Run], of: Mapping[tuple[int, str], Run]) -> list[str]:
         "## Finer",
         "",
         "The push again, on a finer mesh and with shorter steps; force and work are those over the depth that both",
-        "came to.",
+        "came to. Where a push stops, that is on the flank of a fold, and a small shift changes both by much.",
         "",
-        "| seed | what | largest force, mN | change | work, mJ | change |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| seed | what | passed | largest force, mN | change | work, mJ | change |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for run in finer:
         usual = of[run.seed, run.kind]
@@ -161,7 +161,8 @@ def _finer(runs: Sequence[Run], of: Mapping[tuple[int, str], Run]) -> list[str]:
         peaks = [_over(each, to_mm)[0] for each in (usual, run)]
         works = [_over(each, to_mm)[1] for each in (usual, run)]
         lines.append(
-            f"| {run.seed} | {run.how} | {peaks[0]:.0f}, {peaks[1]:.0f} | {100 * (peaks[1] / peaks[0] - 1):+.1f} % | "
+            f"| {run.seed} | {run.how} | {', '.join('yes' if each.passed else 'no' for each in (usual, run))} | "
+            f"{peaks[0]:.0f}, {peaks[1]:.0f} | {100 * (peaks[1] / peaks[0] - 1):+.1f} % | "
             f"{works[0]:.2f}, {works[1]:.2f} | {100 * (works[1] / works[0] - 1):+.1f} % |"
         )
     return [*lines, ""]

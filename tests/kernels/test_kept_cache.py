@@ -18,7 +18,7 @@ def test_every_module_that_makes_entries_names_the_folder() -> None:
     makers = {
         ".".join(("trocar", *path.relative_to(ROOT).with_suffix("").parts))
         for path in (ROOT / "services").rglob("*.py")
-        if re.search(r"(?<!def )\bfetch\((cache_dir|folder)", path.read_text(encoding="utf-8"))
+        if re.search(r"(?<!def )\bentry_name\(", path.read_text(encoding="utf-8"))
     }
     assert makers == set(conftest.MAKERS)
 

@@ -247,8 +247,9 @@ class AskedArm(Arm):
         if link.lost or link.outstanding:
             return False
         now_ns = self._clock.monotonic_ns()
-        given, as_wanted = self._force.next(NO_FORCE if self._limp else force_n, now_ns)
-        self._as_ordered = as_wanted and not self._limp
+        wanted = NO_FORCE if self._limp else force_n
+        given, as_wanted = self._force.next(wanted, now_ns)
+        self._as_ordered = as_wanted and wanted == force_n
         link.ask_state(given, now_ns)
         return True
 

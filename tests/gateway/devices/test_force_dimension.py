@@ -246,6 +246,17 @@ def test_what_fails_for_a_moment_comes_back_without_a_kick(bench: DhdBench, name
     assert bench.arm.fault == ""
 
 
+def test_an_arm_whose_motors_are_off_bears_no_force_as_it_is_ordered(bench: DhdBench) -> None:
+    bench.arm.open()
+    bench.run(40, np.zeros(3))
+    late = 0
+    for _ in range(50):
+        bench.run(1, np.zeros(3))
+        now_ns = time.monotonic_ns()
+        late += bench.arm.write_span_ns(now_ns, now_ns) > 1_000_000 * servo_arrays.FLIGHTS
+    assert late < 50, "the law would never let a force through"
+
+
 @pytest.mark.parametrize("name", SHORT)
 def test_so_does_the_force_of_a_gripper(bench: DhdBench, name: str) -> None:
     torque_nm = 6.0 / 8.0 * bench.grasp.max_torque_nm

@@ -15,6 +15,7 @@ from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.meshes.reading import READER
 
 ROOT = Path(__file__).parents[3]
+CACHE = ROOT / "services" / "mechanics" / "reduction" / "cache.py"
 
 
 @pytest.fixture
@@ -38,11 +39,13 @@ def test_a_change_of_what_the_maker_imports_changes_the_name_and_no_other_does(n
     assert name_after(far="x = 2") != before
 
 
-@pytest.mark.parametrize("maker", MAKERS)
-def test_every_entry_is_named_by_content_and_code(maker):
-    text = ROOT.joinpath(*maker.split(".")).with_suffix(".py").read_text()
-    asked = len(re.findall(r"\bfetch\(", text))
-    assert 0 < asked == text.count("entry_name(")
+def test_every_entry_is_named_by_content_and_code():
+    """Whoever asks for an entry is one of the makers, and names as many as it asks for."""
+    asks = re.compile(r"(?<!def )\bfetch(?:_record)?\((?:cache_dir|folder)")
+    texts = {path: path.read_text() for path in (ROOT / "services").rglob("*.py") if path != CACHE}
+    asked = {path: len(asks.findall(text)) for path, text in texts.items() if asks.search(text)}
+    assert asked == {path: texts[path].count("entry_name(") for path in asked}
+    assert len(asked) == len(MAKERS)
 
 
 def test_a_mesh_follows_from_the_readers_of_files_too():

@@ -41,6 +41,8 @@ BUCKETS = 1600
 """Sums, with random signs, of the forces on modes: as hard to fool as each of them alone."""
 TOLERANCE = 0.0005
 MOST_SAMPLES = 160
+"""Of a wall: of a duct inflated to a hoop strain of 0.2, displacements are 7.4 % off with 80 of 1,152 triangles, 3.4 %
+with 110, 2.0 % with these, and 1.5 % with all."""
 
 
 @dataclass(frozen=True, slots=True)
