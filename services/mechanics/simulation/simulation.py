@@ -187,6 +187,8 @@ class Simulation:
             self._take_parts(tools, dt_s / 2, 2)
             return
         if self.solver.is_spent or self._stuck.fails(dt_s):
+            self.share = 0.0
+            self.system.bring_rows_back()
             self.withheld_s += dt_s
             return
         self.duct.change_step(dt_s)
@@ -195,8 +197,8 @@ class Simulation:
         self._start.save()
         self.share = 1.0
         if not self._move(tools, dt_s):
-            may_divide = dt_s > SHORTEST_STEP_S and not self.solver.is_spent
             self.share = self._find_share(dt_s)
+            may_divide = dt_s > SHORTEST_STEP_S and not self.solver.is_spent
             if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
                 self._start.restore()
                 self._stuck.note_failed(dt_s)

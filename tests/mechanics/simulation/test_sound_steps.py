@@ -186,7 +186,8 @@ def test_a_stuck_world_moves_on_as_soon_as_there_is_a_sound_motion(without_rows,
     assert (simulation.tools.proxy[:, 2] > 20e-3).all()
 
 
-def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, small_duct, monkeypatch):
+@pytest.mark.parametrize("spent_by", ["the solve", "the looks"])
+def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, small_duct, monkeypatch, spent_by):
     """The forces of a try that came to nothing are borne by nobody."""
     simulation = Simulation(small_scene, small_duct)
     press(simulation, 40)
@@ -198,11 +199,15 @@ def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, 
     def solve(dt_s):
         simulation.contacts.force_n[:], simulation.system.force_n[:] = 50.0, 50.0
         simulation.solver.tool_force[:] = 100.0
-        simulation.solver.products += step_solver.MOST_PRODUCTS
+        simulation.solver.products += step_solver.MOST_PRODUCTS * (spent_by == "the solve")
         return False
 
+    def find(tolerance_m, detected_share):
+        simulation.solver.products += step_solver.MOST_PRODUCTS * (spent_by == "the looks")
+        return 0.0
+
     monkeypatch.setattr(simulation.solver, "solve", solve)
-    monkeypatch.setattr(simulation._motion_share, "find", lambda *_: 0.0)
+    monkeypatch.setattr(simulation._motion_share, "find", find)
     simulation.step(ToolInputs(position_m=simulation.tools.hand[:, :3] - [0.0, 0.0, 1e-3]))
     assert simulation.withheld_s == pytest.approx(1e-3)
     for name, value in before.items():
