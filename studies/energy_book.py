@@ -14,7 +14,7 @@ import numpy as np
 from trocar.services.mechanics.arrays import BoolArray, FloatArray
 from trocar.services.mechanics.bodies.wire_drive import WireMotion
 from trocar.services.mechanics.collision.pairs import NO_TOOL
-from trocar.services.mechanics.contact.laws import HAS_FRICTION
+from trocar.services.mechanics.contact.laws import HAS_FRICTION, number_of
 from trocar.services.mechanics.reduction import ModalState
 from trocar.services.mechanics.rod import ImplicitIntegrator, RodState
 from trocar.services.mechanics.rod.energy import RodEnergy, rod_energy
@@ -26,6 +26,8 @@ from trocar.services.mechanics.world import World
 from trocar.studies.grip_energy import Grips, enter_grips, stored_in_grips
 from trocar.studies.rod_forces import internal_forces
 
+_PULL = number_of("pull")
+
 
 @dataclass(slots=True)
 class EnergyFlow:
@@ -33,7 +35,7 @@ class EnergyFlow:
 
     Attributes:
         input_j: Work of the hands on the couplings and jaws, by rolling them against the moment of contacts about the
-            shaft, and of a drive that twists and steers.
+            shaft, of a drive that twists and steers, and of whoever closes a clip.
         stored_j: Change of everything stored: kinetic, elastic, in couplings and grips, and by effects.
         coupling_j: Dampers of the virtual couplings.
         rod_j: Damping of the catheter's material and its drag.
@@ -175,6 +177,7 @@ class EnergyBook:
         hand_motion = np.where(stays, tools.hand - before.hand, 0.0)
         change = tools.stretch - np.where(came, 0.0, before.stretch)
         force = tools.stiffness * tools.stretch + tools.damping * change / dt_s
+        self.flow.input_j += _given_to_effects_j(self.simulation) - before.given_j
         self.flow.input_j -= float(np.sum(force * hand_motion))
         # Roll turns jaws from e1 to e2 of `tool_frame`, whose cross product is -d.
         about_shaft_nm = np.einsum("ta,ta->t", _port_moments_nm(self.simulation), tools.frame[:, 2])
@@ -246,7 +249,8 @@ class EnergyBook:
             force, elastic = rows.force_n[row], rows.frame[row] @ rows.elastic_m[row]
             end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
             self.flow.friction_j -= float(force[1:] @ (end - elastic)[1:])
-            self.flow.impact_j -= float(force[0] * (end[0] - rows.effective_gap_m[row]))
+            if rows.law[row] != _PULL:  # its work is what its effect no longer stores
+                self.flow.impact_j -= float(force[0] * (end[0] - rows.effective_gap_m[row]))
 
 
 @dataclass(slots=True)
@@ -263,6 +267,7 @@ class _Snapshot:
     loads: FloatArray
     anchors_j: float
     driven_j: tuple[float, float]
+    given_j: float
     wire: WireMotion | None
     grips: Grips
 
@@ -281,6 +286,7 @@ class _Snapshot:
             _loads_on_wall(simulation),
             _anchor_energy_j(simulation) if begun is None else begun.anchors_j,
             _driven_j(simulation),
+            _given_to_effects_j(simulation),
             None if simulation.wire_drive is None else simulation.wire_drive.motion,
             stored_in_grips(simulation) if begun is None else begun.grips,
         )
@@ -316,6 +322,10 @@ def stored_energies_j(
     }
     stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}
     return stored
+
+
+def _given_to_effects_j(simulation: Simulation) -> float:
+    return sum(effect.given_j for effect in simulation.effects.values())
 
 
 def _dissipated_by_effects_j(simulation: Simulation) -> float:

@@ -19,6 +19,7 @@ from typing import Annotated
 import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.collision.candidate_list import LOOK_AHEAD_M
 from trocar.services.mechanics.collision.wall_bounds import (
     WallBounds,
     bound_between,
@@ -28,7 +29,7 @@ from trocar.services.mechanics.collision.wall_bounds import (
 )
 from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from trocar.services.mechanics.compiled.struct import Struct
-from trocar.services.mechanics.compiled.vectors import along, dot, put_row, row, row_of
+from trocar.services.mechanics.compiled.vectors import along, dot, put_row, row, row_of, squared_distance
 from trocar.services.mechanics.reduction.large_rotations.warping_kernels import place_node, turn_vector
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between
@@ -65,6 +66,8 @@ class PlacedWall(Struct):
     store: BlockStore
     load_node: Annotated[IntArray, "l"]
     load_force: Annotated[FloatArray, "l", 3]  # along the axes of the undeformed wall
+    known_at: Annotated[FloatArray, "n", 3]  # where all nodes were when all were placed last, see `tightened_m`
+    known_moved_m: float = math.inf  # bound on the motion of any node since then
     n_loads: int = 0
     n_changed: int = 0
     n_requested: int = 0
@@ -116,14 +119,51 @@ def configure(wall: PlacedWall, q: FloatArray, loads: Loads, lasting: Loads) -> 
 
 
 @kernel
+def tightened_m(wall: PlacedWall, moved_m: float) -> float:
+    """Return how far any node has moved by a change of configuration that has this bound: exactly where it is useless.
+
+    Loads that oppose each other on a soft wall have a bound of several times its radius where it moves by a tenth of a
+    millimetre. Beyond what lists look ahead, all nodes are placed: that takes less than the triangles that such a
+    bound calls for.
+    """
+    wall.known_moved_m += moved_m
+    if moved_m <= LOOK_AHEAD_M:
+        return moved_m
+    place_all(wall)
+    moved_m = min(moved_m, wall.known_moved_m - moved_m + _furthest_node(wall.position, wall.known_at))
+    wall.known_moved_m, wall.known_at[:] = 0.0, wall.position
+    return float(moved_m)
+
+
+@kernel
+def place_all(wall: PlacedWall) -> None:
+    """Place all nodes."""
+    for node in range(wall.rest.shape[0]):
+        request_node(wall, node)
+    place_requested(wall)
+
+
+@kernel
+def _furthest_node(positions: FloatArray, others: FloatArray) -> float:
+    """Return the largest distance (m) of a node (n, 3) from where it is in ``others``."""
+    largest_2 = 0.0
+    for node in range(positions.shape[0]):
+        largest_2 = max(largest_2, squared_distance(row(positions, node), row(others, node)))
+    return math.sqrt(largest_2)
+
+
+@kernel
 def bound_since(wall: PlacedWall, start: PlacedWall) -> float:
     """Return a bound, in m, on the motion of any node from the configuration of another wall of the duct."""
     _note_loads(wall, start, -1.0)
     _note_loads(wall, wall, 1.0)
     by_loads_m = _bound_by_loads(wall)
-    return float(
-        bound_between(wall.bounds, start.bounds, max(_reach_of_loads(wall), _reach_of_loads(start))) + by_loads_m
-    )
+    moved_m = bound_between(wall.bounds, start.bounds, max(_reach_of_loads(wall), _reach_of_loads(start))) + by_loads_m
+    if moved_m > LOOK_AHEAD_M:
+        place_all(wall)
+        place_all(start)
+        moved_m = min(moved_m, _furthest_node(wall.position, start.position))
+    return float(moved_m)
 
 
 @kernel

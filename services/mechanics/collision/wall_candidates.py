@@ -32,6 +32,7 @@ from trocar.services.mechanics.collision.placed_wall import (
     place_requested,
     place_wall,
     request_node,
+    tightened_m,
 )
 from trocar.services.mechanics.collision.wall_bounds import WallBounds, bound_between, set_reference, wall_bounds
 from trocar.services.mechanics.compiled import inlined_kernel, kernel
@@ -68,7 +69,7 @@ def follow_wall(known: WallCandidates, q: FloatArray, loads: Loads) -> bool:
     Return whether anything has changed since the last measurement; if not, its candidates are still valid.
     """
     listed, wall = known.list, known.wall
-    moved_m = configure(wall, q, loads, (wall.load_node[:0], wall.load_force[:0]))
+    moved_m = tightened_m(wall, configure(wall, q, loads, (wall.load_node[:0], wall.load_force[:0])))
     modes_moved_m = math.inf if known.is_new else bound_between(known.bounds, wall.bounds, 0.0)
     is_elsewhere = add_travel(listed, moved_m)
     if known.is_new:  # remove all entries, and have all spheres computed anew; a bound may be no number
@@ -110,7 +111,7 @@ def follow_end(
     ``start`` is the wall at the start, and the ends (p, 2, 3) of the pieces, which `set_wanted_gaps` takes as ``ahead``
     (p,). Only incomplete lists are rebuilt.
     """
-    add_travel(known.list, configure(known.wall, q, loads[0], loads[1]))
+    add_travel(known.list, tightened_m(known.wall, configure(known.wall, q, loads[0], loads[1])))
     moved_m = bound_since(known.wall, start[0])
     set_wanted_gaps(known.list, start[1], ahead, moved_m)
     complete_lists(known.list, moved_m)

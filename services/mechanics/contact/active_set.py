@@ -19,14 +19,16 @@ from trocar.services.mechanics.compiled.vectors import along, copy_rows, put_row
 from trocar.services.mechanics.compiled.vectors import row as vector
 from trocar.services.mechanics.contact.admissible import limit_slope, normal_range, project, slides, step_to_bounds
 from trocar.services.mechanics.contact.newton import (
+    can_pay,
     complete_response,
     cost_in_sweeps,
     list_unknowns,
     n_unknowns_of,
+    products_of_factors,
     solve_newton_step,
 )
 from trocar.services.mechanics.contact.problem import ContactProblem
-from trocar.services.mechanics.contact.sweeps import sweep, update_motion
+from trocar.services.mechanics.contact.sweeps import can_sweep, sweep, update_motion
 
 # Cost in sweeps after which a sequence ends, and sweeps look for missing contacts.
 MAX_COST = 30
@@ -72,7 +74,7 @@ def _take_cut_steps(problem: ContactProblem, W: FloatArray, n: int, cost: int) -
         has_slipped = False
         for block in range(k):
             has_slipped |= problem.bound[block] == AT_EDGE
-        if cost >= MAX_COST or not has_slipped:
+        if cost >= MAX_COST or not has_slipped or not can_sweep(problem):
             return cost
         n = list_unknowns(problem)
         if n == 0 or not solve_newton_step(problem, W, n):
@@ -198,15 +200,17 @@ def _list_constraints(problem: ContactProblem, n: int) -> int:
 
 @kernel
 def _solve_constrained_step(problem: ContactProblem, n: int, m: int) -> bool:
-    """Write the rest of the step with m constraints; return False if they depend on each other."""
+    """Write the rest of the step with m constraints; return False if they depend on each other, or no work is left."""
     first, step, replaced = problem.first, problem.step, problem.replaced
     response, residual = problem.response[: n * n].reshape(n, n), problem.residual[:m]
     for i in range(n):
         step[i] = problem.full[i] - problem.moved[i]
     for b in range(m):
         for j in range(3):
-            if replaced[b, j] != 0.0:
-                complete_response(problem, n, first[b] + j)
+            if replaced[b, j] != 0.0 and not complete_response(problem, n, first[b] + j):
+                return False
+    if not can_pay(problem, m * m + products_of_factors(m)):
+        return False
     M = problem.schur[: m * m].reshape(m, m)
     _fill_schur_complement(problem, response, M, residual)
     if not factorise(M, problem.schur_pivots):

@@ -18,7 +18,7 @@ from trocar.services.mechanics.contact.laws import (
     MAX_TENSION,
     NEEDS_LIMIT,
 )
-from trocar.services.mechanics.contact.problem import ContactProblem, add_unknown, set_force
+from trocar.services.mechanics.contact.problem import ContactProblem, add_unknown, move_by
 from trocar.services.mechanics.contact.rows import KEPT, PRESENT, ContactRows
 
 # A force above this fraction of its limit counts as sliding: local solves reach the limit only up to rounding.
@@ -76,29 +76,39 @@ def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     A normal without limits (a bilateral constraint) is eliminated first, so that the block is solved exactly.
     """
     row, rows, motion, force = 3 * block, problem.rows, problem.motion, problem.rows.force_n[block]
-    low, high = normal_range(rows, block)
-    s_1, s_2 = 0.0, 0.0
+    m_0, m_1, m_2, change = motion[row], motion[row + 1], motion[row + 2], problem.change
+    (low, high), s_1, s_2 = normal_range(rows, block), 0.0, 0.0
+    change[0] = change[1] = change[2] = 0.0
     is_held = low == -math.inf and high == math.inf
     if is_held:
         s_1, s_2 = W[row + 1, row] / W[row, row], W[row + 2, row] / W[row, row]
     else:
-        normal = min(max(force[0] - motion[row] / W[row, row], low), high)
-        set_force(problem, W, block, 0, normal)
-    if keeps_friction(rows, block):
-        problem.change[1] = problem.change[2] = 0.0
-        return
-    r, f_1, f_2 = tangential_limit(rows, block), 0.0, 0.0
-    if r > 0.0:
-        a = W[row + 1, row + 1] - s_1 * W[row, row + 1]
-        b = W[row + 1, row + 2] - s_1 * W[row, row + 2]
-        c = W[row + 2, row + 2] - s_2 * W[row, row + 2]
-        r_1 = motion[row + 1] - s_1 * motion[row] - a * force[1] - b * force[2]
-        r_2 = motion[row + 2] - s_2 * motion[row] - b * force[1] - c * force[2]
-        f_1, f_2 = minimise_in_disk(a, b, c, r_1, r_2, r)
-    set_force(problem, W, block, 1, f_1)
-    set_force(problem, W, block, 2, f_2)
+        _set_force(force, change, 0, min(max(force[0] - m_0 / W[row, row], low), high))
+        m_1 += W[row, row + 1] * change[0]
+        m_2 += W[row, row + 2] * change[0]
+    if not keeps_friction(rows, block):
+        r, f_1, f_2 = tangential_limit(rows, block), 0.0, 0.0
+        if r > 0.0:
+            a = W[row + 1, row + 1] - s_1 * W[row, row + 1]
+            b = W[row + 1, row + 2] - s_1 * W[row, row + 2]
+            c = W[row + 2, row + 2] - s_2 * W[row, row + 2]
+            r_1 = m_1 - s_1 * m_0 - a * force[1] - b * force[2]
+            r_2 = m_2 - s_2 * m_0 - b * force[1] - c * force[2]
+            f_1, f_2 = minimise_in_disk(a, b, c, r_1, r_2, r)
+        _set_force(force, change, 1, f_1)
+        _set_force(force, change, 2, f_2)
     if is_held:
-        set_force(problem, W, block, 0, force[0] - motion[row] / W[row, row])
+        m_0 += W[row + 1, row] * change[1]
+        m_0 += W[row + 2, row] * change[2]
+        _set_force(force, change, 0, force[0] - m_0 / W[row, row])
+    move_by(problem, W, block, (change[0], change[1], change[2]), is_held)
+
+
+@kernel
+def _set_force(force: FloatArray, change: FloatArray, axis: int, value: float) -> None:
+    """Set a component of a contact's force, and store its change."""
+    change[axis] = value - force[axis]
+    force[axis] = value
 
 
 @inlined_kernel

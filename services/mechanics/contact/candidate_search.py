@@ -140,6 +140,11 @@ class CandidateSearch:
         return max(float(found.gap_m[: found.count].min(initial=LOOK_AHEAD_M)), 0.0)
 
     @property
+    def n_candidates(self) -> int:
+        """Number of candidates that were measured last."""
+        return int(self._arrays.found.count)
+
+    @property
     def least_gap_m(self) -> float:
         """Least gap of the candidates that were measured last, negative for an overlap."""
         found = self._arrays.found

@@ -60,7 +60,8 @@ class Clip(Struct):
     pull_n: float = 0.0  # of each leg now
     pressing_n: float = 0.0  # with which each side of the catheter is pressed
     squeezed_n: float = 0.0  # with which jaws squeeze the duct there
-    given_j: float = 0.0  # work of whoever closes it, less what was lost when the catheter left it
+    given_j: float = 0.0  # work of whoever closes it
+    lost_j: float = 0.0  # by its spring, as it opened when the catheter had left it
 
 
 clip_at = reader(Clip)
@@ -76,7 +77,7 @@ def append_clip(state_address: Address[ContactState], clip_address: Address[Clip
     if not clip.is_closed:
         return
     if not clip.is_passed:
-        clip.given_j -= clip.pull_n * _apart_m(clip)
+        clip.lost_j += clip.pull_n * _apart_m(clip)
         clip.pull_n = 0.0
         return
     for leg in range(N_LEGS):

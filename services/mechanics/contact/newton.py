@@ -19,7 +19,7 @@ falls until a contact opens or slips.
 from __future__ import annotations
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled import inlined_kernel, kernel
 from trocar.services.mechanics.compiled.dense import factorise, solve_factorised
 from trocar.services.mechanics.compiled.vectors import dot
 from trocar.services.mechanics.compiled.vectors import row as vector
@@ -47,7 +47,12 @@ def n_unknowns_of(problem: ContactProblem, i: int, n: int) -> int:
 
 @kernel
 def solve_newton_step(problem: ContactProblem, W: FloatArray, n: int) -> bool:
-    """Write the change of the n unknowns into ``full`` and ``step``, in N; return False if the matrix is singular."""
+    """Write the change of the n unknowns into ``full`` and ``step``, in N.
+
+    Return False if the matrix is singular, or if there is not enough work left for it.
+    """
+    if not can_pay(problem, products_of_step(n, problem.rows.n_contacts)):
+        return False
     motion, test, column, full = problem.motion, problem.test, problem.column, problem.full
     A, along = problem.matrix[: n * n].reshape(n, n), problem.along[: W.shape[0]]
     for j in range(n):
@@ -70,13 +75,43 @@ def solve_newton_step(problem: ContactProblem, W: FloatArray, n: int) -> bool:
 
 
 @kernel
-def complete_response(problem: ContactProblem, n: int, equation: int) -> None:
-    """Solve for the step per unit of an equation's residual, unless that has been done since the factorisation."""
+def complete_response(problem: ContactProblem, n: int, equation: int) -> bool:
+    """Solve for the step per unit of an equation's residual, unless that has been done since the factorisation.
+
+    Return False if there is not enough work left for it.
+    """
     if not problem.has_response[equation]:
+        if not can_pay(problem, n * n / 9.0):
+            return False
         response = problem.response[equation * n : equation * n + n]
         response[:], problem.has_response[equation] = 0.0, True
         response[equation] = 1.0
         solve_factorised(problem.matrix[: n * n].reshape(n, n), problem.pivots, response)
+    return True
+
+
+@inlined_kernel
+def products_of_factors(n: int) -> float:
+    """Return how many block products the factors of a matrix (n, n) take the time of: n^3 / 27, at twice the rate.
+
+    They need not wait for each other.
+    """
+    return float(n) ** 3 / 54.0
+
+
+@kernel
+def products_of_step(n: int, k: int) -> float:
+    """Return how many block products a Newton step of n unknowns among k contacts takes: its matrix and factors."""
+    return float(n) * k + n * n / 3.0 + products_of_factors(n)
+
+
+@kernel
+def can_pay(problem: ContactProblem, products: float) -> bool:
+    """Charge the work of an operation, unless less is left; return whether it is paid."""
+    if problem.products_left < products:
+        return False
+    problem.products_left -= products
+    return True
 
 
 @kernel

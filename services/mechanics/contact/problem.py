@@ -7,7 +7,11 @@ from typing import Annotated
 from trocar.services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import Vector
 from trocar.services.mechanics.contact.rows import ContactRows
+
+#: Block products of a solve without a bound: more than a day's. With an infinite number no part could be set aside.
+UNBOUNDED = 1e15
 
 
 class ContactProblem(Struct):
@@ -44,6 +48,7 @@ class ContactProblem(Struct):
     schur: Annotated[FloatArray, "m * m"]
     schur_pivots: Annotated[IntArray, "m"]
     lowest_j: float = 0.0  # lowest potential of this solve
+    products_left: float = UNBOUNDED  # block products (3 x 3) that solves may still take, see `sweeps`
 
     @classmethod
     def of(cls, rows: ContactRows) -> ContactProblem:
@@ -53,17 +58,24 @@ class ContactProblem(Struct):
 
 
 @kernel
-def set_force(problem: ContactProblem, W: FloatArray, block: int, axis: int, force_n: float) -> None:
-    """Set the force of a contact along an axis, store its change, and update the motion of all rows.
+def move_by(problem: ContactProblem, W: FloatArray, block: int, force_n: Vector, is_normal_last: bool) -> None:
+    """Add the motion of all rows by a force at a contact, that along its normal first or last.
 
-    W is symmetric, so a row is used in place of a column: this loop vectorises.
+    W is symmetric, so rows are used in place of columns: these loops vectorise. All three axes are one loop, which
+    loads and stores the motion once.
     """
-    row, motion = 3 * block + axis, problem.motion
-    change = force_n - problem.rows.force_n[block, axis]
-    problem.rows.force_n[block, axis], problem.change[axis] = force_n, change
-    if change != 0.0:
-        for column in range(W.shape[0]):
-            motion[column] += W[row, column] * change
+    row, motion, n = 3 * block, problem.motion, W.shape[0]
+    x, y, z = force_n
+    if y == 0.0 and z == 0.0:
+        if x != 0.0:
+            for column in range(n):
+                motion[column] += W[row, column] * x
+    elif is_normal_last:
+        for column in range(n):
+            motion[column] = motion[column] + W[row + 1, column] * y + W[row + 2, column] * z + W[row, column] * x
+    else:
+        for column in range(n):
+            motion[column] = motion[column] + W[row, column] * x + W[row + 1, column] * y + W[row + 2, column] * z
 
 
 @kernel

@@ -1,11 +1,16 @@
-"""Sweeps of block Gauss-Seidel over the contacts, and the motion and the residual that belong to the forces."""
+"""Sweeps of block Gauss-Seidel over the contacts, and the motion and the residual that belong to the forces.
+
+Work is counted in block products: of a block (3, 3) of the Delassus operator with the change of a contact's force. A
+sweep over k contacts takes :math:`k^2`. Each operation of a solve charges what it takes to ``products_left``.
+"""
 
 from __future__ import annotations
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.vectors import row as vector
 from trocar.services.mechanics.contact.admissible import closed_axes, relax, slides
-from trocar.services.mechanics.contact.problem import ContactProblem
+from trocar.services.mechanics.contact.problem import ContactProblem, move_by
 
 
 @kernel
@@ -16,7 +21,29 @@ def sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
         relax(problem, W, block)
         largest_n = max(largest_n, abs(change[0]), abs(change[1]), abs(change[2]))
         largest_m = max(largest_m, abs(change[0]) * W[3 * block, 3 * block])
+    problem.products_left -= products_of_sweep(problem)
     return largest_n, largest_m
+
+
+@kernel
+def products_of_sweep(problem: ContactProblem) -> float:
+    """Return how many block products a sweep takes."""
+    k = float(problem.rows.n_contacts)
+    return k * k
+
+
+@kernel
+def can_sweep(problem: ContactProblem) -> bool:
+    """Return whether what is left of the work is enough for a sweep."""
+    return problem.products_left >= products_of_sweep(problem)
+
+
+@kernel
+def set_aside(problem: ContactProblem, most: float) -> float:
+    """Leave half of the work to a stage, ``most`` products at most; return what is set aside for what comes later."""
+    left = problem.products_left
+    problem.products_left = min(0.5 * left, most)
+    return left - problem.products_left
 
 
 @kernel
@@ -39,11 +66,8 @@ def has_small_residual(problem: ContactProblem, tolerance_n: float) -> bool:
 def update_motion(problem: ContactProblem, W: FloatArray) -> None:
     """Write the motion u = W f + u_free (3 k,), in m."""
     motion, free = problem.motion, problem.free
+    problem.products_left -= products_of_sweep(problem)
     for row in range(W.shape[0]):
         motion[row] = free[row]
     for block in range(problem.rows.n_contacts):
-        for axis in range(3):
-            force = problem.rows.force_n[block, axis]
-            if force != 0.0:
-                for column in range(W.shape[0]):
-                    motion[column] += W[3 * block + axis, column] * force
+        move_by(problem, W, block, vector(problem.rows.force_n, block), False)

@@ -15,6 +15,7 @@ from trocar.services.mechanics.contact.implicit import ImplicitStrategy
 from trocar.services.mechanics.contact.pair_rows import append_pairs
 from trocar.services.mechanics.contact.passivity import START_UP_S
 from trocar.services.mechanics.contact.penalty import PenaltyStrategy
+from trocar.services.mechanics.contact.problem import UNBOUNDED
 from trocar.services.mechanics.contact.state import ContactState, begin_rows
 from trocar.services.mechanics.contact.tool_loads import load_tools
 from trocar.services.mechanics.scene import ContactSettings
@@ -152,9 +153,15 @@ class ContactSystem:
         """Add ``motion_m`` (k, 3) to the free motion of the duct's points, in the rows that were completed last."""
         self.rows.slip_m[self._first_new : len(motion_m)] -= motion_m[self._first_new :]
 
-    def solve(self, iterations: int, dt_s: float) -> None:
-        """Find the contact forces in at most about ``iterations`` sweeps, see `ImplicitStrategy.solve`."""
+    def solve(self, iterations: int, dt_s: float, products: float = UNBOUNDED) -> float:
+        """Find the contact forces in at most about ``iterations`` sweeps, see `ImplicitStrategy.solve`.
+
+        It takes about ``products`` block products (3 x 3) at most. Return how many it has taken.
+        """
+        problem = self._state.problem
+        problem.products_left = products
         self.sweeps = self.strategy.solve(iterations, dt_s)
+        return products - problem.products_left
 
     def clear_forces(self) -> None:
         """Clear the memory of forces, because nothing touches."""

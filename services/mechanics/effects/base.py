@@ -77,6 +77,11 @@ class Effect:
         """Energy dissipated by the effect itself so far, beyond that of contact rows."""
         return self._dissipated_j
 
+    @property
+    def given_j(self) -> float:
+        """Work on the effect so far by somebody who is no hand of the scene; zero by default."""
+        return 0.0
+
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the effect's state; they are only changed in place."""
         return ()

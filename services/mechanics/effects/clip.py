@@ -143,13 +143,20 @@ class ClipEffect(Effect):
 
     def potential_energy_j(self, world: World) -> float:
         """Return what the springs of the legs can still do: their force times the distance of the legs."""
-        state = self.state
-        return float(state.pull_n * np.linalg.norm(state.place_m[1] - state.place_m[0]))
+        state, surface_m = self.state, world.duct.surface_m()
+        corners = world.duct.reduced.mesh.triangles[state.triangle]
+        places_m = np.einsum("lc,lck->lk", state.weights, surface_m[corners])
+        return float(state.pull_n * np.linalg.norm(places_m[1] - places_m[0]))
 
     @property
     def dissipated_j(self) -> float:
-        """Less by the work of whoever closed the clip."""
-        return -self.state.given_j
+        """What the spring had stored when the catheter left the clip."""
+        return self.state.lost_j
+
+    @property
+    def given_j(self) -> float:
+        """Work of whoever closes the clip."""
+        return self.state.given_j
 
 
 def _section(mesh: TriangleMesh, settings: ClipSettings) -> CrossSection:

@@ -36,7 +36,7 @@ from trocar.services.mechanics.simulation.motion_share import MotionShare
 from trocar.services.mechanics.simulation.scene_catheter import place_catheter
 from trocar.services.mechanics.simulation.scene_world import build_world
 from trocar.services.mechanics.simulation.sound_start import begin_sound
-from trocar.services.mechanics.simulation.step_solver import PRICING_PRODUCTS, StepSolver
+from trocar.services.mechanics.simulation.step_solver import StepSolver
 from trocar.services.mechanics.simulation.step_splitting import LONGEST_STEP_S, SHORTEST_STEP_S, StepSplitter, steps_of
 from trocar.services.mechanics.simulation.step_start import StepStart
 from trocar.services.mechanics.simulation.stuck_world import StuckWorld
@@ -131,7 +131,7 @@ class Simulation:
         if dt_s > LONGEST_TICK_S:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
         self._arguments.check(tools)
-        self.solver.products = 0
+        self.solver.products = 0.0
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         if self._healer.must_heal():
             self._heal()
@@ -187,6 +187,8 @@ class Simulation:
             self._take_parts(tools, dt_s / 2, 2)
             return
         if self.solver.is_spent or self._stuck.fails(dt_s):
+            self.share = 0.0
+            self.system.bring_rows_back()
             self.withheld_s += dt_s
             return
         self.duct.change_step(dt_s)
@@ -195,8 +197,8 @@ class Simulation:
         self._start.save()
         self.share = 1.0
         if not self._move(tools, dt_s):
-            may_divide = dt_s > SHORTEST_STEP_S and not self.solver.is_spent
             self.share = self._find_share(dt_s)
+            may_divide = dt_s > SHORTEST_STEP_S and not self.solver.is_spent
             if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
                 self._start.restore()
                 self._stuck.note_failed(dt_s)
@@ -227,7 +229,8 @@ class Simulation:
         if not self.solver.prices:
             return 1.0
         share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share)
-        self.solver.products += self._motion_share.looks * PRICING_PRODUCTS
+        for _ in range(self._motion_share.looks):
+            self.solver.charge_look()
         quantum = max(0.125, SHORTEST_STEP_S / dt_s) if dt_s >= 2.0 * SHORTEST_STEP_S else 0.125
         return quantum * math.floor(share / quantum)
 

@@ -19,7 +19,8 @@ from tests.mechanics.collision.wall_cases import (
     wall,
 )
 from trocar.services.mechanics.bodies.duct import DuctBody
-from trocar.services.mechanics.collision.placed_wall import NO_LOADS, place_wall
+from trocar.services.mechanics.collision.candidate_list import LOOK_AHEAD_M
+from trocar.services.mechanics.collision.placed_wall import NO_LOADS, bound_since, place_wall, tightened_m
 from trocar.services.mechanics.reduction import Newmark, Residual
 from trocar.services.mechanics.reduction.residual.cached_rows import CachedRows
 
@@ -74,6 +75,27 @@ def test_no_node_is_farther_from_where_the_wall_stood_than_it_says(kind, seed, s
         moved_m = np.linalg.norm(placed(duct, q, loads) - before, axis=1).max()
         assert moved_m <= most_m + CLOSE_M
         assert most_m == 0.0 or moved_m > 0.01 * most_m, "a bound that says nothing"
+
+
+def test_a_bound_that_lists_have_no_use_for_is_replaced_by_the_motion_itself():
+    """Loads on a soft wall: the bound is a multiple of what any node moves by, and called for every triangle."""
+    duct, rng = wall("straight"), np.random.default_rng(5)
+    now, start, q = place_wall(duct), place_wall(duct), coordinates(duct, rng, 1e-3)
+    set_configuration(now, q, NO_LOADS)
+    assert tightened_m(now, 1.0) == 1.0, "nobody knows where the wall was"
+    follow(start, now)
+    loads = rng.choice(duct.mesh.n_vertices, 8, replace=False).astype(np.int32), rng.normal(size=(8, 3))
+    before, after = placed(duct, q, NO_LOADS), placed(duct, q, loads)
+    moved_m = np.linalg.norm(after - before, axis=1).max()
+    most_m = set_configuration(now, q, loads)
+    assert most_m > max(LOOK_AHEAD_M, 1.2 * moved_m)
+    assert tightened_m(now, most_m) == pytest.approx(moved_m, abs=CLOSE_M)
+    assert bound_since(now, start) == pytest.approx(moved_m, abs=CLOSE_M)
+    nearly = loads[0], 0.999 * loads[1]
+    little_m = set_configuration(now, q, nearly)
+    assert tightened_m(now, little_m) == little_m < LOOK_AHEAD_M
+    back_m = set_configuration(now, q, NO_LOADS)
+    assert moved_m - CLOSE_M < tightened_m(now, back_m) < moved_m + little_m + CLOSE_M
 
 
 def test_where_the_residual_is_cut_into_patches_the_bound_does_not_need_it_to_be_definite():

@@ -71,6 +71,16 @@ def test_contacts_give_nothing(sweeps):
         assert (np.hypot(force[:, 1], force[:, 2]) <= pressed.rows.friction * pressure_n * (1.0 + 1e-9)).all()
 
 
+@pytest.mark.parametrize("most_sweeps", [0, 2, 8, 20])
+def test_contacts_give_nothing_where_there_is_no_work_left_to_solve_them(most_sweeps):
+    for seed in range(50):
+        pressed = Pressed(seed)
+        pressed.problem.products_left = float(most_sweeps * pressed.rows.n_contacts**2)
+        pressed.solve(solve_passively)
+        assert pressed.contact_work_j() <= 1.01 * SLACK_J
+        assert (pressed.rows.force_n[:, 0] >= 0.0).all()
+
+
 def test_what_is_paid_for_is_taken_back():
     """A block pressed at 1 N, 0.1 mm deep, slides: friction takes more than 20 um of taking back give."""
     for slip_m, share in ((0.1e-3, 1.0), (0.0, 0.0)):

@@ -164,16 +164,17 @@ def test_a_catheter_that_has_been_pulled_out_leaves_the_clip_open(with_effects, 
 
 
 def test_what_closing_gives_is_what_is_stored_and_lost(with_effects, small_duct):
-    """The work of whoever closes it, `given_j`, is that of a force that grows while the legs come together."""
+    """Whoever closes it works against a force that grows while the legs come together; nothing is lost yet."""
     simulation = clipped(with_effects, small_duct)
     clip = simulation.effects["clip"]
     state = clip.state
     before_m = float(np.linalg.norm(state.rest_m[1] - state.rest_m[0]))
     after_m = float(np.linalg.norm(state.place_m[1] - state.place_m[0]))
     stored_j = clip.potential_energy_j(simulation.world)
-    assert stored_j == pytest.approx(CLOSING_N * after_m, rel=1e-6)
-    assert clip.dissipated_j == -state.given_j
-    assert CLOSING_N * after_m < state.given_j < CLOSING_N * before_m
+    # The clip follows the wall a step behind, and a step moves its legs by less than a ten thousandth of their distance.
+    assert stored_j == pytest.approx(CLOSING_N * after_m, rel=1e-4)
+    assert clip.dissipated_j == 0.0
+    assert CLOSING_N * after_m < clip.given_j < CLOSING_N * before_m
 
 
 def test_it_closes_by_jaws_only_when_these_squeeze_as_hard_as_it_will(with_effects, small_duct):

@@ -114,6 +114,23 @@ def test_a_particle_has_one_film_of_mucus_however_many_facets_it_is_near(with_ef
     assert (rows.tool[films] == NO_TOOL).all()
 
 
+def test_a_tick_takes_hardly_more_work_than_it_may_and_stays_sound(small_scene, small_duct, monkeypatch):
+    """Whatever is left when a solve begins: it was asked between solves only."""
+    simulation, most, products, worst_m = Simulation(small_scene, small_duct), 200_000, [], []
+    press(simulation, 5)
+    judge, tolerance_m = OverlapJudge(simulation), tolerated_overlap_m(small_scene.duct.thickness_m)
+    monkeypatch.setattr(step_solver, "MOST_PRODUCTS", most)
+
+    def look(tick):
+        products.append(simulation.solver.products)
+        worst_m.append(max(judge.look().values()))
+
+    press(simulation, 60, look)
+    assert max(products) > most
+    assert max(products) < 2 * most, "one part and its looks"
+    assert max(worst_m) < MARGIN * tolerance_m + ROUNDING_M
+
+
 @pytest.fixture
 def without_rows(small_scene, small_duct, monkeypatch):
     """A world in which two tools have come down as far as is sound where nothing ever gets a row."""
@@ -169,7 +186,8 @@ def test_a_stuck_world_moves_on_as_soon_as_there_is_a_sound_motion(without_rows,
     assert (simulation.tools.proxy[:, 2] > 20e-3).all()
 
 
-def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, small_duct, monkeypatch):
+@pytest.mark.parametrize("spent_by", ["the solve", "the looks"])
+def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, small_duct, monkeypatch, spent_by):
     """The forces of a try that came to nothing are borne by nobody."""
     simulation = Simulation(small_scene, small_duct)
     press(simulation, 40)
@@ -181,11 +199,15 @@ def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, 
     def solve(dt_s):
         simulation.contacts.force_n[:], simulation.system.force_n[:] = 50.0, 50.0
         simulation.solver.tool_force[:] = 100.0
-        simulation.solver.products += step_solver.MOST_PRODUCTS
+        simulation.solver.products += step_solver.MOST_PRODUCTS * (spent_by == "the solve")
         return False
 
+    def find(tolerance_m, detected_share):
+        simulation.solver.products += step_solver.MOST_PRODUCTS * (spent_by == "the looks")
+        return 0.0
+
     monkeypatch.setattr(simulation.solver, "solve", solve)
-    monkeypatch.setattr(simulation._motion_share, "find", lambda *_: 0.0)
+    monkeypatch.setattr(simulation._motion_share, "find", find)
     simulation.step(ToolInputs(position_m=simulation.tools.hand[:, :3] - [0.0, 0.0, 1e-3]))
     assert simulation.withheld_s == pytest.approx(1e-3)
     for name, value in before.items():
@@ -223,6 +245,7 @@ def test_strands_of_a_catheter_keep_the_share_of_their_motion_at_which_they_are_
     simulation.step(absent())
     falls_freely(simulation, monkeypatch)
     deepest_m = []
+    state.position_m[:], state.velocity_m_s[:] = line, 0.0  # it has begun to uncoil
     state.velocity_m_s[20:, 2] = -1.5
     for _ in range(3):
         simulation.step(absent())
