@@ -171,7 +171,7 @@ def test_what_closing_gives_is_what_is_stored_and_lost(with_effects, small_duct)
     before_m = float(np.linalg.norm(state.rest_m[1] - state.rest_m[0]))
     after_m = float(np.linalg.norm(state.place_m[1] - state.place_m[0]))
     stored_j = clip.potential_energy_j(simulation.world)
-    # The clip follows the wall a step behind, and a step moves its legs by less than a ten thousandth of their distance.
+    # It follows the wall a step behind, and a step moves its legs by less than a ten thousandth of their distance.
     assert stored_j == pytest.approx(CLOSING_N * after_m, rel=1e-4)
     assert clip.dissipated_j == 0.0
     assert CLOSING_N * after_m < clip.given_j < CLOSING_N * before_m
