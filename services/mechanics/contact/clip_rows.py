@@ -4,6 +4,10 @@ A leg is a plate, as it is wider than the duct. Its *pull* draws the wall to the
 whatever moves; the other leg draws as much the other way, so that the catheter bears none of it. Its *pad* is the
 contact of wall and catheter under the plate, with the friction of every other. So each side of the catheter is pressed
 by the force of the clip less what the wall resists, and slips at its friction.
+
+The plates stay parallel and turn with their section of the duct, not with the line between the two points of the wall:
+these move sideways under a plate, which does no work. So the pulls have a potential, their force times the distance of
+the points across the plates, and a clip gives out no more energy than it was closed with.
 """
 
 from __future__ import annotations
@@ -23,7 +27,6 @@ from trocar.services.mechanics.compiled.vectors import (
     row_of,
     squared_distance,
     subtract,
-    unit,
     write_frame,
 )
 from trocar.services.mechanics.compiled.vectors import row as vector
@@ -49,14 +52,15 @@ class Clip(Struct):
     weights: Annotated[FloatArray, N_LEGS, 3]
     rest_m: Annotated[FloatArray, N_LEGS, 3]  # where that is on the duct at rest
     place_m: Annotated[FloatArray, N_LEGS, 3]  # where it is
-    towards: Annotated[FloatArray, N_LEGS, 3]  # unit vectors to the other leg
+    towards: Annotated[FloatArray, N_LEGS, 3]  # unit vectors across the plates, to the other leg
     inward: Annotated[FloatArray, 3]  # along the duct
     row: Annotated[IntArray, N_LEGS]  # of each pad in this step, or `_NOT_THERE`
     reach_m: float  # from its middle, within which what touches the duct is under it
     closing_n: float  # force of its spring once it is closed
     rate_n_s: float  # at which that force grows
     is_closed: bool = False
-    is_passed: bool = False  # whether the catheter passes it
+    segment: int = _NOT_THERE  # of the catheter, where it passes the clip
+    share: float = 0.0  # of that segment
     pull_n: float = 0.0  # of each leg now
     pressing_n: float = 0.0  # with which each side of the catheter is pressed
     squeezed_n: float = 0.0  # with which jaws squeeze the duct there
@@ -68,21 +72,23 @@ clip_at = reader(Clip)
 
 
 @kernel
+def find_catheter(state_address: Address[ContactState], clip_address: Address[Clip]) -> bool:
+    """Note where the catheter passes the clip at the start of the step; return whether it does."""
+    state, clip = state_at(state_address), clip_at(clip_address)
+    clip.segment, clip.share = _passage(clip, state.geometry.rod.position)
+    return bool(clip.segment != _NOT_THERE)
+
+
+@kernel
 def append_clip(state_address: Address[ContactState], clip_address: Address[Clip]) -> None:
-    """Append pull and pad of both legs where the catheter passes the clip; else there are none, and it lies open."""
+    """Append pull and pad of both legs of a closed clip where the catheter passes it; else it lies open."""
     state, clip = state_at(state_address), clip_at(clip_address)
     clip.row[:] = _NOT_THERE
-    segment, s = _passage(clip, state.geometry.rod.position)
-    clip.is_passed = segment != _NOT_THERE
-    if not clip.is_closed:
-        return
-    if not clip.is_passed:
-        clip.lost_j += clip.pull_n * _apart_m(clip)
-        clip.pull_n = 0.0
+    if not clip.is_closed or clip.segment == _NOT_THERE:
         return
     for leg in range(N_LEGS):
-        clip.row[leg] = _append_leg(state, clip, (leg, False), segment, s)
-        spring = _append_leg(state, clip, (leg, True), segment, s)
+        clip.row[leg] = _append_leg(state, clip, (leg, False))
+        spring = _append_leg(state, clip, (leg, True))
         if spring != NO_ROOM:
             state.rows.force_limit_n[spring] = clip.pull_n
             put_row(
@@ -111,13 +117,13 @@ def _passage(clip: Clip, position: FloatArray) -> tuple[int, float]:
 
 
 @kernel
-def _append_leg(state: ContactState, clip: Clip, which: tuple[int, bool], segment: int, s: float) -> int:
+def _append_leg(state: ContactState, clip: Clip, which: tuple[int, bool]) -> int:
     """Append a row between the catheter and the wall under a leg, and return its index or `NO_ROOM`.
 
     ``which`` is (leg, whether it is its pull, not its pad).
     """
     rows, rod, wall = state.rows, state.geometry.rod, state.geometry.wall
-    leg, is_pull = which
+    (leg, is_pull), segment, s = which, clip.segment, clip.share
     number = _FIRST_NUMBER + 2 * (leg + (N_LEGS if is_pull else 0))
     row = append_row(rows, _PULL if is_pull else _PAD, hold_identity(number))
     if row == NO_ROOM:
@@ -137,10 +143,8 @@ def _append_leg(state: ContactState, clip: Clip, which: tuple[int, bool], segmen
 
 
 @kernel
-def follow_clip(
-    state_address: Address[ContactState], clip_address: Address[Clip], displacement_m: FloatArray, dt_s: float
-) -> None:
-    """Note what presses at the end of the step, and let the force of a closed clip grow.
+def follow_clip(state_address: Address[ContactState], clip_address: Address[Clip], displacement_m: FloatArray) -> None:
+    """Note what presses at the end of the step, and where the wall is.
 
     ``displacement_m`` (k, 3) is that of the contacts' points of the wall, at the start of the step.
     """
@@ -149,12 +153,6 @@ def follow_clip(
     for leg in range(N_LEGS):
         if clip.row[leg] >= 0:
             put_row(clip.place_m, leg, along(vector(clip.rest_m, leg), vector(displacement_m, clip.row[leg]), 1.0))
-    for leg in range(N_LEGS):
-        put_row(clip.towards, leg, unit(subtract(vector(clip.place_m, 1 - leg), vector(clip.place_m, leg))))
-    if clip.is_closed and clip.row[0] >= 0:
-        grown_n = min(clip.rate_n_s * dt_s, clip.closing_n - clip.pull_n)
-        clip.given_j += grown_n * _apart_m(clip)
-        clip.pull_n += grown_n
 
 
 @kernel
@@ -176,9 +174,3 @@ def _common_n(state: ContactState, clip: Clip, of_tools: bool) -> float:
             total += normal_n
             net = along(net, row_of(rows.frame, row, 0), normal_n)
     return 0.5 * (total - math.sqrt(dot(net, net)))
-
-
-@kernel
-def _apart_m(clip: Clip) -> float:
-    """Return how far the wall under one leg is from that under the other."""
-    return math.sqrt(squared_distance(vector(clip.place_m, 0), vector(clip.place_m, 1)))

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.contact.clip_rows import N_LEGS, Clip, append_clip, follow_clip
+from trocar.services.mechanics.contact.clip_rows import N_LEGS, Clip, append_clip, find_catheter, follow_clip
 from trocar.services.mechanics.contact.system import STRATEGIES
 from trocar.services.mechanics.effects.base import Effect, require_positive
 from trocar.services.mechanics.scene import SceneModel
@@ -65,6 +65,7 @@ class ClipEffect(Effect):
         if STRATEGIES[scene.contact.model].acts_in_next_step:
             raise ValueError("effects.clip: needs contact.model implicit, a penalty knows no constant force of a clip")
         self._state: Clip | None = None
+        self._closes_along = np.zeros((1, 3))
         self._flattened_m2 = math.nan
 
     def check_mesh(self, mesh: TriangleMesh) -> None:
@@ -78,6 +79,7 @@ class ClipEffect(Effect):
         places = np.array([point.place_m for point in points])
         apart = places[1] - places[0]
         away = apart / np.linalg.norm(apart)
+        self._closes_along = away[None]
         self._state = Clip.zeros(
             triangle=np.array([point.triangle for point in points], np.int32),
             weights=np.array([point.weights for point in points]),
@@ -95,14 +97,36 @@ class ClipEffect(Effect):
         self._flattened_m2 = settings.leg_width_m * math.pi * lumen_m
 
     def add_rows(self, world: World, dt_s: float) -> None:
-        """Append the rows of the legs."""
-        append_clip(world.system.address, self.state.address)
+        """Let the force of a closed clip grow, or end where the catheter has left it; append the rows of the legs."""
+        addresses = world.system.address, self.state.address
+        self._change_pull(world, dt_s, is_passed=find_catheter(*addresses))
+        append_clip(*addresses)
+
+    def _change_pull(self, world: World, dt_s: float, *, is_passed: bool) -> None:
+        state = self.state
+        grown_n = min(state.rate_n_s * dt_s, state.closing_n - state.pull_n) if is_passed else -state.pull_n
+        if not state.is_closed or grown_n == 0.0:
+            return
+        places_m = np.array([world.duct.point_at_start(*under) for under in self._under_legs()])
+        work_j = grown_n * float(state.towards[0] @ (places_m[1] - places_m[0]))
+        if is_passed:
+            state.given_j += work_j
+        else:
+            state.lost_j -= work_j
+        state.pull_n += grown_n
+
+    def _under_legs(self) -> list[tuple[int, FloatArray]]:
+        """Return the point of the wall under each leg: triangle and weights."""
+        return [(int(self.state.triangle[leg]), self.state.weights[leg]) for leg in range(N_LEGS)]
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Follow the wall, and close where jaws squeeze the duct with the force of the clip."""
         state = self.state
-        follow_clip(world.system.address, state.address, world.duct.displacement_m, dt_s)
-        if not state.is_closed and state.is_passed and state.squeezed_n >= state.closing_n:
+        follow_clip(world.system.address, state.address, world.duct.displacement_m)
+        node = world.duct.reduced.mesh.triangles[state.triangle[:1], 0]
+        state.towards[0] = world.duct.turn_to_world(node, self._closes_along)
+        state.towards[1] = -state.towards[0]
+        if not state.is_closed and state.segment >= 0 and state.squeezed_n >= state.closing_n:
             state.is_closed = True
 
     def place_m(self, mesh: TriangleMesh) -> FloatArray:
@@ -142,11 +166,11 @@ class ClipEffect(Effect):
         return words, *arrays
 
     def potential_energy_j(self, world: World) -> float:
-        """Return what the springs of the legs can still do: their force times the distance of the legs."""
+        """Return what the springs of the legs can still do: their force times the distance of the legs across them."""
         state, surface_m = self.state, world.duct.surface_m()
         corners = world.duct.reduced.mesh.triangles[state.triangle]
         places_m = np.einsum("lc,lck->lk", state.weights, surface_m[corners])
-        return float(state.pull_n * np.linalg.norm(places_m[1] - places_m[0]))
+        return float(state.pull_n * state.towards[0] @ (places_m[1] - places_m[0]))
 
     @property
     def dissipated_j(self) -> float:

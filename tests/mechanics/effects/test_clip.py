@@ -19,6 +19,7 @@ from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes.duct_file import duct_file
 from trocar.services.training.site import read_site
 from trocar.services.training.situation import Loads
+from trocar.studies.energy_book import EnergyBook
 
 AT_M, CLOSING_N = 6e-3, 0.5
 PARTICLE = 15  # held by a grasp that never slips, outside the duct
@@ -175,6 +176,24 @@ def test_what_closing_gives_is_what_is_stored_and_lost(with_effects, small_duct)
     assert stored_j == pytest.approx(CLOSING_N * after_m, rel=1e-4)
     assert clip.dissipated_j == 0.0
     assert CLOSING_N * after_m < clip.given_j < CLOSING_N * before_m
+
+
+@pytest.mark.parametrize("closes_along", [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0)])
+def test_a_clip_that_is_dragged_about_gives_out_no_more_than_it_was_closed_with(with_effects, small_duct, closes_along):
+    """Its pulls have a potential also while the wall moves sideways under the plates."""
+    clip = {"at_m": AT_M, "closing_force_n": CLOSING_N, "closing_time_s": 0.1, "closes_along": closes_along}
+    simulation = Simulation(with_effects(clip=clip, friction={}), small_duct)
+    book, spent_j = EnergyBook(simulation), [0.0]
+    hold = Pull(simulation, 1e-3)
+    for tick in range(700):
+        around = 2.0 * np.pi * max(tick - 200, 0) / 250.0
+        hold.tools.position_m[1] = hold.at + 2e-3 * np.array([0.0, math.sin(around), 1.0 - math.cos(around)])
+        book.step(hold.tools)
+        spent_j.append(book.flow.input_j - book.flow.stored_j)
+    scale_j = book.flow.input_j
+    assert abs(book.flow.imbalance_j) < 1e-6 * scale_j
+    assert (np.maximum.accumulate(spent_j) - spent_j).max() < 0.01 * scale_j
+    assert simulation.effects["clip"].given_j > 0.1 * scale_j
 
 
 def test_it_closes_by_jaws_only_when_these_squeeze_as_hard_as_it_will(with_effects, small_duct):
