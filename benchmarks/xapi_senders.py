@@ -6,6 +6,7 @@ and one that answers 503 to everything.
 
 from __future__ import annotations
 
+import argparse
 import socket
 import subprocess
 import sys
@@ -58,6 +59,7 @@ def send_for_ever(port: int, database: Path, ended: threading.Event) -> None:
 
 def main() -> None:
     """Send until killed."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     end_in_good_order()
     ended = threading.Event()
     with tempfile.TemporaryDirectory() as folder, socket.create_server(("127.0.0.1", 0)) as silent:

@@ -59,6 +59,7 @@ def test_files_that_took_longest_begin_first_the_next_time(tmp_path: Path, monke
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         return list(dict.fromkeys(line.partition("::")[0] for line in done.stdout.splitlines() if "::" in line))
 
+    monkeypatch.delenv(file_seconds.COPY, raising=False)  # that of the run which this is part of
     monkeypatch.setenv("TROCAR_CACHE_DIR", str(tmp_path))
     file_seconds.keep_seconds({"tests.protocol.test_topics": 3.0, "tests.gone": 9.0})
     file_seconds.keep_seconds({"tests.files.test_trusted_path": 2.0})

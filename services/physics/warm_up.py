@@ -118,7 +118,7 @@ def _write_touches(pairs: ContactPairs) -> None:
 class _FixedContactSearch(CandidateSearch):
     """Returns artificial contacts of a jaw, and no candidates to price."""
 
-    dropped, wall_moved_m = 0, 0.0
+    dropped, n_candidates, wall_moved_m = 0, 0, 0.0
 
     def __init__(self) -> None:
         pass

@@ -25,7 +25,7 @@ SCENES = sorted((config.config_directory() / "scenes").glob("*.yaml"))
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
 def test_every_scene_file_of_the_repository_loads_and_has_the_effects_that_it_names(path: Path) -> None:
     said: dict[str, Any] = yaml.safe_load(path.read_text())
-    assert set(load_scene(path).effects) == set(said.get("effects", ()))
+    assert set(said.get("effects", ())) <= set(load_scene(path).effects)  # its tissue may bring one more
 
 
 @pytest.mark.parametrize(

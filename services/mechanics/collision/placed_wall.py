@@ -29,7 +29,7 @@ from trocar.services.mechanics.collision.wall_bounds import (
 )
 from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from trocar.services.mechanics.compiled.struct import Struct
-from trocar.services.mechanics.compiled.vectors import along, dot, put_row, row, row_of, squared_distance
+from trocar.services.mechanics.compiled.vectors import along, copy_rows, dot, put_row, row, row_of, squared_distance
 from trocar.services.mechanics.reduction.large_rotations.warping_kernels import place_node, turn_vector
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between
@@ -131,7 +131,8 @@ def tightened_m(wall: PlacedWall, moved_m: float) -> float:
         return moved_m
     place_all(wall)
     moved_m = min(moved_m, wall.known_moved_m - moved_m + _furthest_node(wall.position, wall.known_at))
-    wall.known_moved_m, wall.known_at[:] = 0.0, wall.position
+    copy_rows(wall.position, wall.known_at, wall.position.shape[0])
+    wall.known_moved_m = 0.0
     return float(moved_m)
 
 
