@@ -107,17 +107,13 @@ class ClipEffect(Effect):
         grown_n = min(state.rate_n_s * dt_s, state.closing_n - state.pull_n) if is_passed else -state.pull_n
         if not state.is_closed or grown_n == 0.0:
             return
-        places_m = np.array([world.duct.point_at_start(*under) for under in self._under_legs()])
-        work_j = grown_n * float(state.towards[0] @ (places_m[1] - places_m[0]))
+        first_m, second_m = map(world.duct.point_at_start, state.triangle, state.weights)
+        work_j = grown_n * float(state.towards[0] @ (second_m - first_m))
         if is_passed:
             state.given_j += work_j
         else:
             state.lost_j -= work_j
         state.pull_n += grown_n
-
-    def _under_legs(self) -> list[tuple[int, FloatArray]]:
-        """Return the point of the wall under each leg: triangle and weights."""
-        return [(int(self.state.triangle[leg]), self.state.weights[leg]) for leg in range(N_LEGS)]
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Follow the wall, and close where jaws squeeze the duct with the force of the clip."""

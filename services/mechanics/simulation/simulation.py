@@ -229,8 +229,7 @@ class Simulation:
         if not self.solver.prices:
             return 1.0
         share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share)
-        for _ in range(self._motion_share.looks):
-            self.solver.charge_look()
+        self.solver.charge_looks(self._motion_share.looks)
         quantum = max(0.125, SHORTEST_STEP_S / dt_s) if dt_s >= 2.0 * SHORTEST_STEP_S else 0.125
         return quantum * math.floor(share / quantum)
 

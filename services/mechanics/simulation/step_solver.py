@@ -105,11 +105,11 @@ class StepSolver:
         """Whether this tick has taken all the products that it may take."""
         return self.products >= MOST_PRODUCTS
 
-    def charge_look(self) -> None:
-        """Charge measuring all candidates once, where the loads of the contacts have moved the wall."""
+    def charge_looks(self, count: int) -> None:
+        """Charge measuring all candidates so often, where the loads of the contacts have moved the wall."""
         n_loads = int(self._world.duct.load_arrays()[2][0])
         each = CANDIDATE_PRODUCTS + LOADED_PRODUCTS * n_loads
-        self.products += LOOK_PRODUCTS + each * self._world.search.n_candidates
+        self.products += count * (LOOK_PRODUCTS + each * self._world.search.n_candidates)
 
     @property
     def prices(self) -> bool:
@@ -137,7 +137,7 @@ class StepSolver:
             system.clear_forces()
         self._apply()
         for _ in range(MAX_PRICINGS):
-            self.charge_look()
+            self.charge_looks(1)
             if not pricing.finds_violations():
                 return True
             if self.is_spent or not system.rows.has_room:  # without room it is repeated in halves
