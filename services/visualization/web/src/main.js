@@ -8,7 +8,7 @@ import { ReplayBar } from "./attempt/replay.js";
 import { Controls } from "./dashboard/controls.js";
 import { Dashboard } from "./dashboard/dashboard.js";
 import { startTold } from "./dashboard/format.js";
-import { RigStream } from "./dashboard/stream.js";
+import { askRig, RigStream } from "./dashboard/stream.js";
 import { Hands } from "./hands/hands.js";
 import { translatePage } from "./school/i18n.js";
 import { SchoolPage } from "./school/school.js";
@@ -62,16 +62,22 @@ function makeView() {
   Object.assign(globalThis.trocar, { view, hands, stereo: addStereo(view, hands) });
 }
 
+// Returns where the picture is now, null where nobody answers.
+async function findView() {
+  const rig = await askRig().catch(() => null);
+  return rig && viewAddress(rig.view_ws, location);
+}
+
 // The connection is on its way while the stage is made, which takes a computer that draws on its processor a second or more.
 function follow(rig) {
-  const stream = rig.viewer in WITHOUT_PICTURE ? null : new ViewStream(viewAddress(rig.view_ws, location));
+  const stream = rig.viewer in WITHOUT_PICTURE ? null : new ViewStream(viewAddress(rig.view_ws, location), findView);
   if (!view) makeView();
   if (!stream) return view.say(WITHOUT_PICTURE[rig.viewer]);
   if (!view.stage) return stream.end();
   stream.keeper = school.keeper;
   if (stream.hello) school.keeper.setHello(stream.hello);
   view.follow(stream);
-  hands.offer(stream.address, rig.hands ?? []);
+  hands.offer(stream, rig.hands ?? []);
 }
 
 const told = JSON.parse(document.getElementById("rig").textContent);

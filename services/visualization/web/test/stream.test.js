@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { RigStream, Silence } from "../src/dashboard/stream.js";
+import { ViewStream } from "../src/view/stream.js";
 
 test("a supervisor that says nothing for three seconds is silent", () => {
   const silence = new Silence(0);
@@ -38,4 +39,36 @@ test("a page that was served with its rig asks nobody who that is, and begins in
 
 test("a page that was not asks first", async (t) => {
   assert.deepEqual((await begun(t, null)).done, ["api/rig", "events", "asked"]);
+});
+
+// A view's stream while each of its tries fails; `found` are the answers to where the view is, in order. Returns the
+// addresses that were tried.
+async function tried(t, found, nTries) {
+  const addresses = [];
+  t.mock.timers.enable({ apis: ["setTimeout"] });
+  globalThis.WebSocket = class {
+    static OPEN = 1;
+    constructor(address) {
+      addresses.push(address);
+      queueMicrotask(() => this.onclose());
+    }
+  };
+  const stream = new ViewStream("ws://rig:0/ws", async () => found.shift() ?? null);
+  stream.handlers = { onLink() {} };
+  while (addresses.length < nTries) {
+    await new Promise(setImmediate);
+    t.mock.timers.tick(2000);
+  }
+  stream.ended = true;
+  stream.afterPaint.port1.close(); // else it keeps the test from ending
+  return addresses;
+}
+
+test("a view that took any free port is asked for each time it is not reached", async (t) => {
+  assert.deepEqual(await tried(t, ["ws://rig:0/ws", "ws://rig:9000/ws", "ws://rig:9001/ws"], 4),
+    ["ws://rig:0/ws", "ws://rig:0/ws", "ws://rig:9000/ws", "ws://rig:9001/ws"]);
+});
+
+test("where nobody says where the view is, the last address is tried again", async (t) => {
+  assert.deepEqual(await tried(t, ["ws://rig:9000/ws", null], 3), ["ws://rig:0/ws", "ws://rig:9000/ws", "ws://rig:9000/ws"]);
 });

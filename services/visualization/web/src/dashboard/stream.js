@@ -24,6 +24,13 @@ export class Silence {
   }
 }
 
+// Promises the rig's description; fails where nobody answers.
+export async function askRig() {
+  const answer = await fetch("api/rig", { cache: "no-store" });
+  if (!answer.ok) throw new Error(`status ${answer.status}`);
+  return answer.json();
+}
+
 export class RigStream {
   // handlers: onRig(rig), onState(state), onLink(text or null); `rig`: as the page was served with it, null where it was not.
   constructor(handlers, rig = null) {
@@ -43,9 +50,7 @@ export class RigStream {
   async open() {
     let rig;
     try {
-      const answer = await fetch("api/rig", { cache: "no-store" });
-      if (!answer.ok) throw new Error(`status ${answer.status}`);
-      rig = await answer.json();
+      rig = await askRig();
     } catch {
       this.lost();
       setTimeout(() => this.open(), RETRY_MS);

@@ -55,9 +55,9 @@ export class Hands {
     };
   }
 
-  // Offers the hands where the rig has instruments that follow a page.
-  offer(address, followers) {
-    this.address = address;
+  // Offers the hands where the rig has instruments that follow a page; they reach it where `stream` has its pictures from.
+  offer(stream, followers) {
+    this.stream = stream;
     $("hands").hidden = !followers.length;
     this.admit(this.token);
   }
@@ -72,7 +72,7 @@ export class Hands {
   }
 
   take() {
-    this.link = new HandLink(this.address, this.token, {
+    this.link = new HandLink(this.stream.address, this.token, {
       onGreeting: (greeting) => this.begin(greeting),
       onEnd: (reason) => this.letGo(reason),
     });

@@ -13,9 +13,11 @@ function waiting(address, attempts) {
 
 export class ViewStream {
   // Begins to connect. `handlers`, to be set in the same turn: onLayout(layout), onFrame() when one waits to be taken,
-  // onRig(message), onLink(text or null).
-  constructor(address) {
+  // onRig(message), onLink(text or null). `find` promises the address as the rig knows it by then, or null: a view that
+  // takes any free port has none before it runs, and another one after each start.
+  constructor(address, find) {
     this.address = address;
+    this.find = find;
     this.handlers = null;
     this.layout = null;
     this.newest = null;
@@ -41,12 +43,19 @@ export class ViewStream {
     socket.onclose = () => {
       this.layout = this.newest = null;
       this.handlers.onLink(this.seen ? "The view is not reachable. Trying again…" : waiting(this.address, this.attempts));
-      setTimeout(() => this.connect(), RETRY_MS[Math.min(this.attempts++, RETRY_MS.length - 1)]);
+      this.retry = setTimeout(() => this.connectAnew(), RETRY_MS[Math.min(this.attempts++, RETRY_MS.length - 1)]);
     };
     this.socket = socket;
   }
 
+  async connectAnew() {
+    this.address = (await this.find()) ?? this.address;
+    if (!this.ended) this.connect();
+  }
+
   end() {
+    this.ended = true;
+    clearTimeout(this.retry);
     this.socket.onclose = this.socket.onopen = this.socket.onmessage = null;
     this.socket.close();
   }
