@@ -11,6 +11,7 @@ from trocar.services.anatomy.making import MadeAnatomy
 from trocar.services.anatomy.proposal import BEFORE_MOUTH_M
 from trocar.services.files.atomic_file import atomic_file
 from trocar.services.mechanics.surface.opening import mouth_opening
+from trocar.services.start.graphics_libraries import check_graphics_libraries
 
 _SIZE = (1400, 700)
 _COLOURS = {"mouth": "#1b7f3b", "held": "#b3261e", "free": "#555555"}
@@ -25,6 +26,7 @@ def draw_preview(made: MadeAnatomy, path: Path) -> None:
     """
     import pyvista
 
+    check_graphics_libraries()
     plotter = pyvista.Plotter(off_screen=True, window_size=list(_SIZE), shape=(1, 2), border=False)
     try:
         for column, (view, title) in enumerate(((_front(made), "from the front"), (_left(made), "from the left"))):

@@ -15,6 +15,11 @@ def draw_off_screen(environment: MutableMapping[str, str]) -> None:
     environment.setdefault(_VARIABLE, _EGL)
 
 
+def draws_off_screen(environment: Mapping[str, str]) -> bool:
+    """Return whether that was chosen in a process with this environment."""
+    return environment.get(_VARIABLE) == _EGL
+
+
 def on_screen(environment: Mapping[str, str]) -> dict[str, str]:
     """Return an environment without that choice, in which a window would find no display."""
     return {name: value for name, value in environment.items() if name != _VARIABLE}

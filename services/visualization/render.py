@@ -16,6 +16,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkCommonTransforms import vtkTransform
 
+from trocar.services.runtime.errors import UserError
+from trocar.services.start.graphics_libraries import CannotDrawError, check_graphics_libraries
 from trocar.services.visualization import cameras
 from trocar.services.visualization.cast_shadow import Rods
 from trocar.services.visualization.drawn_bodies import (
@@ -46,6 +48,8 @@ class Effects:
 class Renderer:
     """A pyvista scene that follows layouts and pictures; the same thread must create it and draw.
 
+    Raises UserError: the system lacks a library that drawing needs.
+
     Args:
         off_screen: Draw without a window.
         size: Width and height in pixels.
@@ -53,6 +57,10 @@ class Renderer:
     """
 
     def __init__(self, *, off_screen: bool, size: tuple[int, int] = (800, 600), effects: Effects | None = None) -> None:
+        try:
+            check_graphics_libraries()
+        except CannotDrawError as error:
+            raise UserError(str(error)) from None
         self.plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting="none", title="Trocar")
         self.plotter.set_background(_NIGHT)
         self.plotter.renderer.SetUseOIT(False)

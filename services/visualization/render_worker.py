@@ -11,6 +11,7 @@ import sys
 
 from PIL import Image
 
+from trocar.services.runtime.errors import UserError
 from trocar.services.visualization import codec
 from trocar.services.visualization.picture import PictureLayout
 from trocar.services.visualization.render import Renderer
@@ -22,7 +23,11 @@ _JPEG_QUALITY = 80  # assumption: a little above Pillow's default of 75, as a ca
 def main() -> int:
     """Serve until stdin ends."""
     os.nice(max(0, 19 - os.nice(0)))
-    renderer = Renderer(off_screen=True)
+    try:
+        renderer = Renderer(off_screen=True)
+    except UserError as error:
+        sys.stderr.write(f"{error}\n")
+        return error.exit_code
     layout: PictureLayout | None = None
     while (message := read(sys.stdin.buffer)) is not None:
         kind, data = message

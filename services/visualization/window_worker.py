@@ -17,6 +17,7 @@ import select
 import sys
 import time
 
+from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.realtime.autogroup import end_with_parent, set_group_niceness
 from trocar.services.runtime.realtime.scheduling import own_threads
 from trocar.services.visualization import cameras, codec
@@ -40,7 +41,10 @@ class NativeWindow:
     """The window, which shows the newest message of the pipe."""
 
     def __init__(self) -> None:
-        self._renderer = Renderer(off_screen=False, size=_SIZE)
+        try:
+            self._renderer = Renderer(off_screen=False, size=_SIZE)
+        except UserError as error:
+            sys.exit(str(error))
         plotter = self._renderer.plotter
         if "EGL" in plotter.render_window.GetClassName():  # used by VTK without a display
             sys.exit(f"no display {display_name()}")

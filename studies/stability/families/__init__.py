@@ -17,6 +17,7 @@ from trocar.studies.stability.families import (
     lost_ticks,
     materials,
     numbers,
+    patients,
     probing,
     random_play,
     rolling,
@@ -34,6 +35,7 @@ from trocar.studies.stability.family import Family
 
 FAMILIES: dict[str, Family] = {
     "drawn": Family("duct, catheter, friction, effects and two hands that cross, all drawn", drawn.cases),
+    "patients": Family("cystic ducts with folds, drawn within published ranges, under the same hands", patients.cases),
     "jumps": Family("a tool jumps by 1 to 50 mm in one tick", jumps.cases),
     "jerks": Family("a hand jerks by 10 to 30 mm at 0.1 to 2 m/s in a random direction", jerks.cases),
     "lost_ticks": Family("as the hands move: jitter, 20 % of the ticks lost, stalls of 5 to 250 ms", lost_ticks.cases),

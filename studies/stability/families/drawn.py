@@ -13,7 +13,6 @@ from functools import partial
 
 import numpy as np
 
-from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.effects.friction import FrictionSettings
 from trocar.services.mechanics.effects.gallstones import GallstonesSettings
@@ -25,21 +24,14 @@ from trocar.services.mechanics.simulation.scene_duct import scene_mesh
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.surface.opening import mouth_opening
 from trocar.services.meshes.branching import load_branching
+from trocar.studies.stability.crossing import crossing_hands
 from trocar.studies.stability.drive import Driven, Play, drive
 from trocar.studies.stability.families.ducts import on_axis
-from trocar.studies.stability.families.random_play import wander
 from trocar.studies.stability.family import Case, Draw
-from trocar.studies.stability.hands import HandMotions, eased, junction, still
-from trocar.studies.stability.situations import LEAD_STEPS, threaded, with_catheter, with_duct
+from trocar.studies.stability.hands import HandMotions
+from trocar.studies.stability.situations import threaded, with_catheter, with_duct
 
 COUNT, QUICK_COUNT = 200, 12
-STEPS = 1_000
-REACH_M = np.array([14e-3, 6e-3, 6e-3])
-"""How far hands wander from where they begin: as far as they are apart, so they cross."""
-LASTING_S = 0.2, 0.4
-"""Of a wandering motion."""
-FASTEST_M_S = 0.45
-"""Of a hand; motions that would be faster are made smaller."""
 LENGTH_M, TRUNK_M = 40e-3, 30e-3
 SOFTENED_SHARE = 0.25
 """Of the cases: each of them has a wall of its own to learn from the nonlinear shell, which takes half a minute."""
@@ -205,32 +197,8 @@ def _effects(random: np.random.Generator, scene: SceneModel) -> dict[str, object
 
 
 def _hands(drawn: Drawn, mesh: TriangleMesh) -> HandMotions:
-    """Hands that come from outside the duct, wander, roll, and open and shut their jaws."""
-    random, scene = drawn.random, drawn.scene
-    left, right = scene.forceps
-    above_m, mouth = scene.duct.radius_m + 6e-3, mouth_opening(mesh)
+    """Hands that begin before the mouth and anywhere along the duct."""
+    random, duct, mouth = drawn.random, drawn.scene.duct, mouth_opening(mesh)
     before_m = mouth.centre_m - random.uniform(5e-3, 26e-3) * mouth.inward
-    along_m = on_axis(scene.duct, random.uniform(10e-3, 36e-3) - LENGTH_M + scene.duct.length_m)
-    points = [
-        junction(tool, (at[0], at[1], at[2] + above_m), 10e-3) for tool, at in ((left, before_m), (right, along_m))
-    ]
-    hands = still(np.array(points), (0.7, 1.0), LEAD_STEPS + STEPS)
-    for tool in (0, 1):
-        way_m = _descent(above_m) + wander(random, STEPS, REACH_M, LASTING_S)
-        hands = hands.moved(tool, _at_most(way_m, FASTEST_M_S), LEAD_STEPS)
-        opening = np.abs(wander(random, STEPS, np.array([1.0, 0.0, 0.0]), LASTING_S)[:, 0])
-        hands = hands.with_jaws(tool, opening, LEAD_STEPS)
-        hands = hands.rolled(tool, wander(random, STEPS, np.array([1.0, 0.0, 0.0]), LASTING_S)[:, 0], LEAD_STEPS)
-    return hands
-
-
-def _descent(above_m: float) -> FloatArray:
-    """Offsets (STEPS, 3) down to the duct's axis within a third of the time."""
-    part = np.minimum(np.arange(1, STEPS + 1) / (STEPS / 3), 1.0)
-    return np.outer(eased(above_m, part), (0.0, 0.0, -1.0))
-
-
-def _at_most(way_m: FloatArray, speed_m_s: float) -> FloatArray:
-    """Return a way (k, 3), one row a millisecond, made smaller where it is faster than this."""
-    fastest_m_s = float(np.linalg.norm(np.diff(way_m, axis=0, prepend=0.0), axis=1).max()) / 1e-3
-    return way_m * min(speed_m_s / fastest_m_s, 1.0)
+    along_m = on_axis(duct, random.uniform(10e-3, 36e-3) - LENGTH_M + duct.length_m)
+    return crossing_hands(random, drawn.scene, (before_m, along_m), duct.radius_m + 6e-3)

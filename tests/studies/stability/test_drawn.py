@@ -7,6 +7,7 @@ import pytest
 
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
+from trocar.studies.stability import crossing
 from trocar.studies.stability.criteria import CRITERIA
 from trocar.studies.stability.drawn_report import KINDS, drawn_section
 from trocar.studies.stability.drive import reduced_duct
@@ -67,7 +68,7 @@ def test_it_is_drawn_as_widely_as_it_is_told():
 def test_hands_are_those_of_a_person(k):
     each = MANY[k]
     hands = drawn._hands(each, drawn._mesh(each.scene.duct))
-    assert 0.02 < hands.top_speed_m_s(1e-3) <= 1.001 * drawn.FASTEST_M_S
+    assert 0.02 < hands.top_speed_m_s(1e-3) <= 1.001 * crossing.FASTEST_M_S
 
 
 def pressing(follow=True):

@@ -37,6 +37,7 @@ test("figures are short and keep their meaning", () => {
   assert.equal(share(0.0013), "0.13 %");
   assert.equal(share(0.99731), "100 %");
   assert.equal(percent(0.99731), "99.73 %");
+  assert.equal(percent(1), "100 %");
   assert.equal(force(0.0042), "4.2 mN");
   assert.equal(force(0.042), "42 mN");
   assert.equal(force(0.42), "0.42 N");

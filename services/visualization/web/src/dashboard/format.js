@@ -4,6 +4,7 @@ export const known = (x) => typeof x === "number" && Number.isFinite(x);
 
 export function us(x) {
   if (!known(x)) return "–";
+  if (x >= 1000000) return `${(x / 1000000).toPrecision(3)} s`;
   if (x >= 100000) return `${(x / 1000).toFixed(0)} ms`;
   if (x >= 1000) return `${(x / 1000).toFixed(x < 10000 ? 2 : 1)} ms`;
   return x >= 100 ? x.toFixed(0) : x.toFixed(1);
@@ -46,7 +47,7 @@ export function duration(s) {
 }
 
 export function percent(x) {
-  return known(x) ? `${(100 * x).toFixed(2)} %` : "–";
+  return known(x) ? `${x === 1 ? 100 : (100 * x).toFixed(2)} %` : "–";
 }
 
 export function force(newton) {

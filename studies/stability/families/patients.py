@@ -1,0 +1,88 @@
+"""Drawn patients: cystic ducts by their anatomy, with folds and the common duct, under hands that cross and squeeze.
+
+The hands are those of the family in which everything is drawn; the duct, its wall and its folds are drawn within the
+ranges of `trocar.services.mechanics.scene.cystic_duct`, and the catheter is the widest as sold that passes the duct.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from trocar.services.anatomy.catheter_choice import CATHETERS, ROOM
+from trocar.services.mechanics.effects import EFFECTS
+from trocar.services.mechanics.scene import CatheterSection, DuctScene, SceneModel
+from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene, drawn_cystic_duct
+from trocar.services.mechanics.scene.duct_tubes import duct_tubes
+from trocar.services.mechanics.surface.opening import mouth_opening
+from trocar.services.meshes.branching import load_branching
+from trocar.services.runtime.config.products import load_product
+from trocar.studies.stability.crossing import crossing_hands
+from trocar.studies.stability.drive import Play
+from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.situations import approaching, with_catheter
+
+COUNT, QUICK_COUNT = 60, 4
+SEEDS = 2**31
+COMMON_LENGTH_M = 20e-3
+"""Of the common duct, of which little is touched: a short one keeps the mesh small, as in the study of folds."""
+BENT_TIP = CatheterSection(length_m=15e-3, rest_curvature_1_m=(25.0, 0.0, 0.0))
+"""That of the study of folds."""
+BESIDE = "gravity", "friction", "grasp_slip", "twist", "mucus_drag", "viscoelasticity"
+"""Effects that training with a patient's duct calls for; each is there by the toss of a coin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Patient:
+    """A scene, with what its hands are drawn from."""
+
+    scene: SceneModel
+    random: np.random.Generator
+
+
+def cases(draw: Draw) -> Iterator[Case]:
+    """So many patients as were asked for, each drawn anew."""
+    for k in range(draw.cases or (COUNT if draw.is_long else QUICK_COUNT)):
+        yield played(f"patient {k}", partial(_play, draw, k))
+
+
+def drawn_patient(random: np.random.Generator) -> Patient:
+    """Return a patient with a wall of 0.5 to 1.5 mm and 100 kPa to 1 MPa, and a catheter with a bent tip or without."""
+    cystic = drawn_cystic_duct(CysticDuctScene(seed=int(random.integers(SEEDS)), common_length_m=COMMON_LENGTH_M))
+    duct = DuctScene(
+        cystic=cystic,
+        thickness_m=random.uniform(0.5e-3, 1.5e-3),
+        youngs_modulus_pa=math.exp(random.uniform(math.log(100e3), math.log(1e6))),
+        n_modes=60,
+        traction_n=float(random.choice([0.0, 0.29])),
+    )
+    effects = {name: EFFECTS[name].kind.Settings() for name in BESIDE if random.random() < 0.5}
+    scene = replace(approaching().scene, duct=duct, effects=effects)
+    tip = (BENT_TIP,) if random.random() < 0.5 else ()
+    return Patient(with_catheter(scene, **_catheter(cystic), sections=tip, before_mouth_m=2e-3), random)
+
+
+def _catheter(cystic: CysticDuctScene) -> dict[str, float]:
+    """Return the numbers of the widest catheter as sold that passes the duct; of the thinnest where none does."""
+    assert cystic.width_m is not None
+    assert cystic.end_width_m is not None
+    lumen_m = min(cystic.width_m, cystic.end_width_m)
+    products = [load_product(name).values for name in CATHETERS]
+    passing = [each for each in products if lumen_m >= ROOM * each["outer_diameter_m"].value]
+    return {key: value.value for key, value in (passing or products[-1:])[0].items()}
+
+
+def _play(draw: Draw, k: int) -> Play:
+    patient = drawn_patient(draw.random(f"patient {k}"))
+    scene, random = patient.scene, patient.random
+    tubes = duct_tubes(scene.duct)
+    mesh = load_branching(tubes, None)
+    mouth, trunk = mouth_opening(mesh), tubes[0]
+    at_m = random.uniform(0.1, 0.9) * trunk.length_m
+    before_m = mouth.centre_m - random.uniform(5e-3, 26e-3) * mouth.inward
+    hands = crossing_hands(random, scene, (before_m, trunk.place(at_m)[0]), trunk.radius_at(at_m) + 6e-3)
+    return Play(scene=scene, hands=hands, mesh=mesh, times_ticks=True)
