@@ -6,8 +6,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.scene import SceneModel
-from trocar.studies.stability.families.random_play import wander
-from trocar.studies.stability.hands import HandMotions, eased, junction, still
+from trocar.studies.stability.hands import HandMotions, eased, junction, still, wander
 from trocar.studies.stability.situations import LEAD_STEPS
 
 STEPS = 1_000

@@ -8,6 +8,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from trocar.services.mechanics.scene import ToolScene
+from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
 from trocar.services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 
 
@@ -117,3 +118,19 @@ def eased(distance: float, part: FloatArray) -> FloatArray:
     """Return how far along a way of least jerk one is at parts (k,) of its time."""
     way: FloatArray = distance * part**3 * (10.0 + part * (6.0 * part - 15.0))
     return way
+
+
+def wander(
+    random: np.random.Generator, steps: int, reach: FloatArray, lasting_s: tuple[float, float] = (0.05, 1.0)
+) -> FloatArray:
+    """Motions of least jerk between random places, each of a duration in ``lasting_s``, with rests; (steps, 3)."""
+    times, places = [0.0], [np.zeros(3)]
+    while times[-1] < 1e-3 * steps:
+        times += [times[-1] + random.uniform(*lasting_s), times[-1] + lasting_s[1] * random.uniform(1.0, 1.3)]
+        places += [random.uniform(-1.0, 1.0, 3) * reach] * 2
+    out, value, rate = np.empty((steps, 3)), np.empty(3), np.empty(3)
+    table = np.array(places)
+    for step in range(steps):
+        minimum_jerk(np.array(times), table, 1e-3 * step, value, rate)
+        out[step] = value
+    return out

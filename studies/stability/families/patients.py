@@ -1,7 +1,7 @@
 """Drawn patients: cystic ducts by their anatomy, with folds and the common duct, under hands that cross and squeeze.
 
 The hands are those of the family in which everything is drawn; the duct, its wall and its folds are drawn within the
-ranges of `trocar.services.mechanics.scene.cystic_duct`, and the catheter is the widest as sold that passes the duct.
+ranges of `trocar.services.mechanics.scene.cystic_duct`, and the catheter is one of those as sold.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from trocar.services.anatomy.catheter_choice import CATHETERS, ROOM
+from trocar.services.anatomy.catheter_choice import CATHETERS
 from trocar.services.mechanics.effects import EFFECTS
 from trocar.services.mechanics.scene import CatheterSection, DuctScene, SceneModel
 from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene, drawn_cystic_duct
@@ -63,17 +63,13 @@ def drawn_patient(random: np.random.Generator) -> Patient:
     effects = {name: EFFECTS[name].kind.Settings() for name in BESIDE if random.random() < 0.5}
     scene = replace(approaching().scene, duct=duct, effects=effects)
     tip = (BENT_TIP,) if random.random() < 0.5 else ()
-    return Patient(with_catheter(scene, **_catheter(cystic), sections=tip, before_mouth_m=2e-3), random)
+    return Patient(with_catheter(scene, **_catheter(random), sections=tip, before_mouth_m=2e-3), random)
 
 
-def _catheter(cystic: CysticDuctScene) -> dict[str, float]:
-    """Return the numbers of the widest catheter as sold that passes the duct; of the thinnest where none does."""
-    assert cystic.width_m is not None
-    assert cystic.end_width_m is not None
-    lumen_m = min(cystic.width_m, cystic.end_width_m)
-    products = [load_product(name).values for name in CATHETERS]
-    passing = [each for each in products if lumen_m >= ROOM * each["outer_diameter_m"].value]
-    return {key: value.value for key, value in (passing or products[-1:])[0].items()}
+def _catheter(random: np.random.Generator) -> dict[str, float]:
+    """Return the numbers of a catheter as sold. Each of them passes every width that is drawn."""
+    product = load_product(str(random.choice(CATHETERS)))
+    return {key: value.value for key, value in product.values.items()}
 
 
 def _play(draw: Draw, k: int) -> Play:

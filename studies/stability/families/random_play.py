@@ -7,11 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from trocar.services.mechanics.arrays import BoolArray, FloatArray
-from trocar.services.mechanics.scene.minimum_jerk import minimum_jerk
+from trocar.services.mechanics.arrays import BoolArray
 from trocar.studies.stability.drive import Play
 from trocar.studies.stability.family import Case, Draw, played
-from trocar.studies.stability.hands import HandMotions
+from trocar.studies.stability.hands import HandMotions, wander
 from trocar.studies.stability.situations import approaching, threaded
 
 PIECES = 240
@@ -37,22 +36,6 @@ def _play(draw: Draw, k: int, steps: int) -> Play:
     for tool in (0, 1):
         hands = hands.rolled(tool, wander(random, steps, ROLL_RAD)[:, 0], len(start.hands))
     return Play(scene=start.scene, hands=hands, may_jump=True)
-
-
-def wander(
-    random: np.random.Generator, steps: int, reach: FloatArray, lasting_s: tuple[float, float] = (0.05, 1.0)
-) -> FloatArray:
-    """Motions of least jerk between random places, each of a duration in ``lasting_s``, with rests; (steps, 3)."""
-    times, places = [0.0], [np.zeros(3)]
-    while times[-1] < 1e-3 * steps:
-        times += [times[-1] + random.uniform(*lasting_s), times[-1] + lasting_s[1] * random.uniform(1.0, 1.3)]
-        places += [random.uniform(-1.0, 1.0, 3) * reach] * 2
-    out, value, rate = np.empty((steps, 3)), np.empty(3), np.empty(3)
-    table = np.array(places)
-    for step in range(steps):
-        minimum_jerk(np.array(times), table, 1e-3 * step, value, rate)
-        out[step] = value
-    return out
 
 
 def _absences(random: np.random.Generator, hands: HandMotions) -> BoolArray:
