@@ -38,6 +38,7 @@ _ALONE = {
     "cache-control": "no-store",
 }
 _PAGE = Path(__file__).with_name("page.html")
+_WORDS = Path(__file__).with_name("words.de.json")
 
 
 class Classroom:
@@ -108,7 +109,7 @@ class Classroom:
 
 def build_app(classroom: Classroom) -> Starlette:
     """Return the web application."""
-    html = styled(_PAGE.read_text(encoding="utf-8"))
+    html = styled(_PAGE.read_text(encoding="utf-8")).replace("/*WORDS*/", _WORDS.read_text(encoding="utf-8"))
 
     async def page(_request: Request) -> Response:
         return HTMLResponse(html)
