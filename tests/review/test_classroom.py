@@ -291,6 +291,7 @@ def _is_known(watch: Watch, said: str) -> bool:
     return said in row.fault if said else row.state == "running"
 
 
+@pytest.mark.skipif(find() is None, reason="no browser here")
 def test_the_page_shows_the_class_and_takes_no_text_for_markup(tmp_path: Path) -> None:
     with rigs(10) as (contexts, addresses), Chromium(tmp_path / "profile") as browser:
         contexts[3].latest = state(state="safe_stop", reason="<img src=x onerror=document.title='hacked'>")

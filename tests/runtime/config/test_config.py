@@ -301,8 +301,10 @@ def test_a_wait_before_a_restart_is_not_negative(tmp_path: Path) -> None:
 
 
 def test_a_name_that_no_file_can_have_is_one_sentence() -> None:
+    """Python 3.14 says of such a path that there is no such file, and earlier ones what the system says."""
+    sentence = r"aaa\.yaml: File name too long$|^there is no rig 'aaa.*; known: |aaa\.yaml: there is no such rig file$"
     for name in ("a" * 300, f"{'a' * 300}.yaml"):
-        with pytest.raises(ConfigError, match=r"aaa\.yaml: File name too long"):
+        with pytest.raises(ConfigError, match=sentence):
             config.load_rig(name)
 
 
