@@ -8,7 +8,9 @@ import pytest
 import yaml
 
 from trocar.services.gateway.devices.device_files import ArmFile, DeviceFile
+from trocar.services.gateway.instruments import instrument as instrument_module
 from trocar.services.gateway.instruments.instrument import build_instruments
+from trocar.services.gateway.servo import servo_arrays
 from trocar.services.gateway.simulated import premium_model
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError, DeviceError
@@ -87,6 +89,15 @@ def test_the_stub_builds_two_instruments_whose_forces_can_be_taken_back_in_time(
     assert [instrument.name for instrument in instruments] == ["left", "right"]
     # A fresh model is a tick old and lives 20 ms: beyond this the limit could never be reached.
     assert settings.force_limit_n <= settings.force_rate_limit_n_s * (0.020 - 0.001)
+
+
+def test_a_handles_driver_is_told_the_torque_rate_of_its_instruments_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is told less would give another torque than the law has in its books."""
+    told: list[float] = []
+    monkeypatch.setattr(instrument_module, "load_grasp", lambda _, place: told.append(place.torque_rate_nm_s))
+    built = build_instruments(config.load_rig("stub").gateway)
+    packed = [float(each.servo.limits.pack()[servo_arrays.LIMIT_TORQUE_RATE]) for each in built]
+    assert told == packed == [20.0, 20.0]  # 0.3 N m in the 15 ms that 3 N take at 200 N/s
 
 
 def test_stub_and_hardware_differ_in_their_gateway_section_only() -> None:
