@@ -174,7 +174,7 @@ def describe_run() -> dict[str, str]:
     """Machine, versions, date, commit and command, as they belong beside any number."""
     run = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "command": shlex.join(["python", *_relative(sys.argv)]),
+        "command": shlex.join(["python", *map(_relative, sys.orig_argv[1:])]),
         "commit": commit(),
         "cpu": processor_name(),
         "cores": str(os.cpu_count()),
@@ -238,9 +238,10 @@ def _round(value: float) -> str:
     return f"{value:.{max(digits, 0)}f}" if digits < 7 else f"{value:.2e}"
 
 
-def _relative(arguments: list[str]) -> list[str]:
-    root = str(RESULTS.parent.parent) + os.sep
-    return [argument.removeprefix(root) for argument in arguments]
+def _relative(word: str) -> str:
+    """Return a word of a command line; a script by its place in the repository, wherever it was run."""
+    root, place = RESULTS.parent.parent, Path(word).absolute()
+    return str(place.relative_to(root)) if place.suffix == ".py" and place.is_relative_to(root) else word
 
 
 def commit() -> str:

@@ -32,7 +32,8 @@ class Thread:
 def _name(tid: int, comm: str) -> str:
     """Return the process of the rig that a thread belongs to, and whether it is its loop or ZeroMQ's thread."""
     words = Path(f"/proc/{tid}/cmdline").read_bytes().decode().split("\0")
-    module = next((word.removeprefix("services.") for word in words if word.startswith("services.")), "supervisor")
+    ours = (word.removeprefix("trocar.").removeprefix("services.") for word in words if word.startswith("trocar."))
+    module = next(ours, "supervisor")
     leads = f"Tgid:\t{tid}\n" in Path(f"/proc/{tid}/status").read_text()
     return f"{module}, {'loop' if leads else 'bus' if comm.startswith('ZMQbg/IO') else 'other'}"
 

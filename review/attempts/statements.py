@@ -37,7 +37,7 @@ _REFUSALS, _ELSEWHERE = range(400, 500), range(300, 400)
 #: Answers by which a store says that it is busy, and those that are of one statement among others: it is malformed, is
 #: there already, or makes the batch too long.
 _BUSY, _OF_ONE = (408, 429), (400, 409, 413)
-#: Bytes read of an answer: the identifiers of a batch take 2 kB.
+#: Bytes read of an answer: 32 times what the identifiers of a batch take, 2 kB.
 _LONGEST = 1 << 16
 
 

@@ -17,7 +17,7 @@ from trocar.services.meshes.errors import MeshError
 
 _SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue|Layer)")
 _HEADER_BYTES = 1 << 20
-_NIFTI_BYTES = 348
+_NIFTI_BYTES = 348  # of the header by the NIfTI-1 standard, which is also its first number
 
 
 def read_grid(path: Path, head: bytes) -> Volume:

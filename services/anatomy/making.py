@@ -29,7 +29,7 @@ from trocar.services.meshes.openings import name_ends, place_by_ends, placement
 
 OnStep = Callable[[str], None]
 ANTERIOR = (0.0, -1.0, 0.0)
-"""Of LPS axes: up, where the patient lies on the back."""
+"""Of LPS axes, of which the second points backwards: up, as the patient lies on the back."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from trocar.services.meshes.errors import MeshError
 from trocar.services.messages.nearest_word import did_you_mean
 
 _WHERE_CATHETERS_ENTER = re.compile(r"gall|chole|vesica|mouth|inlet", re.IGNORECASE)
-BEFORE_MOUTH_M, INTRODUCER_TO_TIP_M = 6e-3, 65e-3
+BEFORE_MOUTH_M, INTRODUCER_TO_TIP_M = 6e-3, 65e-3  # as in the default scene
 _PORTS_M = ((-23e-3, -60e-3, 120e-3), (-30e-3, 70e-3, 110e-3))
 """Of both tools, as in the default scene: along the way out of the mouth, to its side, and up; the first is counted
 from where the catheter is taken."""

@@ -14,8 +14,8 @@ from trocar.services.files.atomic_file import atomic_file
 
 SURFACE, SCENE, PICTURE, REPORT, FACTS = "surface.vtp", "scene.yaml", "preview.png", "report.md", "report.json"
 SCENARIO = "scenario.yaml"
-GRAVITY_M_S2 = 9.81
-GOAL_ROOM_M = 10e-3
+GRAVITY_M_S2 = 9.81  # the standard acceleration of ISO 80000-3, 9.80665, rounded
+GOAL_ROOM_M = 10e-3  # assumption, as the scenario that is written says
 
 
 def write_folder(made: MadeAnatomy, folder: Path) -> None:

@@ -13,8 +13,8 @@ from trocar.services.mechanics.surface.mesh import TriangleMesh, unique_edges
 from trocar.services.meshes.errors import MeshError
 
 LENGTH_OF_RADIUS = 2.0
-"""A branch that is not so many of its radii long, and one radius of where it leaves, is a bump of the wall: so is the
-second corner of a flat end."""
+"""A branch that is not so many of its radii long, and one radius of where it leaves, is taken for a bump of the wall,
+as the second corner of a flat end has to be."""
 
 
 @dataclass(frozen=True)

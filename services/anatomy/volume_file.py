@@ -17,9 +17,9 @@ from trocar.services.anatomy.volume_geometry import judge_geometry
 from trocar.services.meshes.errors import MeshError
 
 MOST_VOXELS = 160_000_000
-"""512 x 512 x 600: a scan of the whole abdomen."""
+"""As many as a scan of the whole abdomen has: 512 x 512 x 600."""
 MOST_LABELS = 1_000
-"""More different values are those of an image."""
+"""A volume with more different values than these is an image of grey values, no segmentation."""
 MARGIN_VOXELS = 4
 """Round the label, for what it borders on."""
 

@@ -13,7 +13,8 @@ from trocar.services.meshes.errors import MeshError
 SPACING_MM = (1e-3, 50.0)
 """A finer or coarser voxel is in another unit than millimetres."""
 MOST_SKEW = 1e-3
-"""Of the axes' scalar products: a gantry's tilt is resampled first."""
+"""Of the axes' scalar products: far above the rounding of six digits in a header, far below the tilt of a gantry by one
+degree (0.017), which is resampled first."""
 
 
 def judge_geometry(

@@ -16,7 +16,7 @@ ASSUMED_M = 1.0e-3
 """Where nothing is said: walls of about 1 mm are quoted without measurement."""
 THICKNESS_M = (0.1e-3, 5e-3)
 _STEPS = 4
-"""In which a surface is moved: normals turn on the way."""
+"""In which a surface is moved, as normals turn on the way."""
 
 
 @dataclass(frozen=True)

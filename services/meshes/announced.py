@@ -11,7 +11,7 @@ MOST_TRIANGLES_READ = 2_000_000
 """Reading and repairing takes about a kilobyte and 10 to 30 µs a triangle."""
 MOST_VERTICES_READ = 3 * MOST_TRIANGLES_READ
 """As many as triangles that share none have."""
-BYTES_READ = 1_000
+BYTES_READ = 1_000  # a triangle, as above
 MOST_FILE_BYTES = 2 << 30
 """Text of so many triangles takes a third of that."""
 

@@ -15,7 +15,7 @@ _NODES = {
     18: 15, 19: 13, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21, 26: 4, 27: 5, 28: 6, 29: 20, 30: 35, 31: 56,
 }  # fmt: skip
 """Numbers of nodes by Gmsh's types of elements, of those up to the fifth order."""
-_TAGS_AT = 2  # in a row of an element of version 2, after its number and type
+_TAGS_AT = 2  # by Gmsh's format of version 2, in a row of an element, after its number and type
 
 
 class _Section:

@@ -12,7 +12,7 @@ from trocar.services.meshes.errors import MeshError
 DUCT_LENGTH_M = (1e-3, 2.0)
 """Whatever is shorter or longer is in another unit than was said."""
 MOST_TRIANGLES = 200_000
-"""That a surface is remeshed into: some minutes, and 0.5 GB before it is solved."""
+"""That a surface is remeshed into: as many take some minutes, and 0.5 GB before it is solved."""
 
 
 def judge_unit(mesh: TriangleMesh, units: str) -> None:

@@ -13,7 +13,7 @@ from trocar.services.meshes.openings import open_rims
 from trocar.services.meshes.plausibility import judge_remeshing
 
 FEWEST_VERTICES = 32
-"""Below this no tube keeps its ends."""
+"""A tube with fewer vertices than these does not keep its ends."""
 SAMPLES_PER_CLUSTER = 20
 """Vertices of the subdivided surface that one vertex of the new mesh gathers, at least."""
 SHARES = (1.0, *(1.0 + sign * 0.01 * step for step in range(1, 6) for sign in (-1.0, 1.0)))

@@ -15,7 +15,7 @@ from trocar.services.meshes.errors import MeshError
 from trocar.services.meshes.surface_data import DoubleArray, Int64Array, SurfaceData, strip_triangles
 
 DEEPEST = 32
-"""Elements within each other; VTK's have seven."""
+"""Elements within each other: several times the seven that VTK's files have."""
 _TAIL_BYTES = 1024
 _BLOCK_BYTES = 1 << 20
 _SAID = re.compile(r"\(0x[0-9a-f]+\): (.+?)\s*$", re.MULTILINE)

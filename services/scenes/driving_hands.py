@@ -24,7 +24,7 @@ _PAUSE_S = 0.2  # assumption: about a person's time to react, in which a bent ti
 _STRAIGHT = 1e-9  # of unit vectors: far beyond their rounding, far below any bend
 _CHANGE = "lead", "catheter", "handle", "roll"
 _EDGES = 8
-"""Of a way along which a director is carried: more would follow the wiggles of a centreline."""
+"""Of a way along which a director is carried: few, as more would follow the wiggles of a centreline."""
 
 
 def driving_hands(scene: SceneModel, mesh: TriangleMesh) -> list[ToolMotion | None]:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pyvista as pv
-from vtkmodules.util.numpy_support import numpy_to_vtk
-from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer, vtkTextActor
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D
 
 from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
 from trocar.services.visualization.scales import scales
@@ -19,26 +16,24 @@ _QUIET = "#d9cdc8"
 
 
 class Overlay:
-    """Texts in the corners, and the round picture of a laparoscope."""
+    """Texts in the corners, and the round picture of a laparoscope: above the scene, which is built anew under it."""
 
     def __init__(self, plotter: pv.Plotter) -> None:
         self._window = plotter.render_window
-        self._renderer = vtkRenderer()  # a layer of its own, as the scene's is cleared for every new layout
-        self._renderer.SetLayer(1)
-        self._renderer.InteractiveOff()
-        self._window.SetNumberOfLayers(2)
-        self._window.AddRenderer(self._renderer)
         self._lens = vtkActor2D()
         self._lens.SetMapper(_lens(1, 1))
-        self._renderer.AddViewProp(self._lens)
         self._size = (0, 0)
         self.shows_lens = self.shows_help = True
-        self._texts = {name: _text(self._renderer) for name in ("tools", "figures", "rig", "help")}
-        self._texts["figures"].GetTextProperty().SetJustificationToRight()
+        # Kept here, as VTK gives back another object of a property that Python has let go.
+        self._styles = {name: _style() for name in ("tools", "figures", "rig", "help")}
+        self._styles["figures"].justification_horizontal = "right"
+        self._texts = {name: pv.Text() for name in self._styles}
+        for name, text in self._texts.items():
+            text.prop = self._styles[name]  # one that is given to the constructor is forgotten (pyvista 0.49)
         self.shows_scales = False
         self._scales = scales()
-        for scale in self._scales:
-            self._renderer.AddViewProp(scale)
+        for actor in (self._lens, *self._texts.values(), *self._scales):
+            plotter.add_actor(actor, reset_camera=False, pickable=False, render=False)
 
     def follow_size(self) -> None:
         """Update the layout if the window's size has changed."""
@@ -53,24 +48,24 @@ class Overlay:
         self._lens.SetMapper(_lens(width, height))
         places = {"tools": (16, height - 60), "figures": (width - 16, height - 78), "rig": (16, 40), "help": (16, 14)}
         for name, (x, y) in places.items():
-            self._texts[name].SetPosition(x, y)
-            self._texts[name].GetTextProperty().SetFontSize(max(9, min(15, width // 68)))
+            self._texts[name].position = x, y
+            self._styles[name].font_size = max(9, min(15, width // 68))
 
     def tell(self, layout: PictureLayout, picture: Picture, rate_hz: float) -> None:
         """Write the figures of a picture."""
         sizes = np.linalg.norm(picture.force_n, axis=1)
         rows = zip(layout.tools, sizes, picture.jaw_rad, strict=True)
         lines = [f"{tool.name:<8}{_force(float(n)):>9}{_opening(tool, float(jaw))}" for tool, n, jaw in rows]
-        self._texts["tools"].SetInput("\n".join(lines))
+        self._texts["tools"].input = "\n".join(lines)
         inserted = f"inserted {1e3 * picture.inserted_length_m:.1f} mm"
-        self._texts["figures"].SetInput(f"{inserted}\nrig time {1e-3 * picture.tick:.1f} s\npicture {rate_hz:.0f} Hz")
-        self._texts["help"].SetInput(HELP)
+        self._texts["figures"].input = f"{inserted}\nrig time {1e-3 * picture.tick:.1f} s\npicture {rate_hz:.0f} Hz"
+        self._texts["help"].input = HELP
 
     def tell_rig(self, state: str, reason: str, *, safe_stop: bool) -> None:
         """Write the state of the rig."""
         shown = "safe_stop" if safe_stop else state
-        self._texts["rig"].SetInput(f"{shown.replace('_', ' ').upper()}{'  ' if reason else ''}{reason[:110]}")
-        self._texts["rig"].GetTextProperty().SetColor(pv.Color(_STATES.get(shown, _QUIET)).float_rgb)
+        self._texts["rig"].input = f"{shown.replace('_', ' ').upper()}{'  ' if reason else ''}{reason[:110]}"
+        self._styles["rig"].color = _STATES.get(shown, _QUIET)
 
 
 def _force(newton: float) -> str:
@@ -81,14 +76,8 @@ def _opening(tool: ToolShape, jaw_rad: float) -> str:
     return f"{np.degrees(jaw_rad):5.0f}°" if tool.has_jaws else ""
 
 
-def _text(renderer: Any) -> vtkTextActor:
-    actor = vtkTextActor()
-    prop = actor.GetTextProperty()
-    prop.SetFontFamilyToCourier()
-    prop.SetColor(pv.Color(_QUIET).float_rgb)
-    prop.SetShadow(False)
-    renderer.AddViewProp(actor)
-    return actor
+def _style() -> pv.TextProperty:
+    return pv.TextProperty(font_family="courier", color=_QUIET, shadow=False)
 
 
 def _lens(width: int, height: int) -> vtkPolyDataMapper2D:
@@ -105,8 +94,7 @@ def _lens(width: int, height: int) -> vtkPolyDataMapper2D:
     mesh = pv.PolyData(points, quads.ravel())
     colours = np.zeros((len(points), 4), np.uint8)
     colours[:, 3] = np.repeat(opacities, sides)
-    scalars = numpy_to_vtk(colours, deep=True)
-    mesh.GetPointData().SetScalars(scalars)
+    mesh.point_data.set_scalars(colours, "colours")
     mapper = vtkPolyDataMapper2D()
     mapper.SetInputData(mesh)
     return mapper

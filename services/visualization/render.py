@@ -72,6 +72,7 @@ class Renderer:
         self.effects = effects or Effects()
         self.plotter.render_window.SetMultiSamples(self.effects.samples)
         self._scenery: list[DrawnPiece] = []
+        self._actors: list[pv.Actor] = []  # of the scene, which lies under what a window writes over it
         self._layout: PictureLayout | None = None
         self._built: PictureLayout | None = None
         self._picture: Picture | None = None
@@ -149,7 +150,8 @@ class Renderer:
 
     def _build(self, layout: PictureLayout) -> None:
         effects, plotter = self.effects, self.plotter
-        plotter.clear_actors()
+        plotter.remove_actor(self._actors, reset_camera=False, render=False)
+        others = set(plotter.actors)
         self._built = layout
         self._rods = Rods(layout)
         self._duct = DrawnDuct(plotter, layout, fine=effects.fine)
@@ -159,6 +161,7 @@ class Renderer:
         self._arrows = [ForceArrow(plotter) for _ in layout.tools]
         self._scenery = [DrawnPiece(plotter, piece) for piece in scenery(layout, cells=90 if effects.fine else 45)]
         self._rings = [MeetingRing(plotter, shape) for shape in layout.tools]
+        self._actors = [actor for name, actor in plotter.actors.items() if name not in others]
         self._face()
 
     def _face(self) -> None:
@@ -166,7 +169,7 @@ class Renderer:
 
         A mirrored triangle has the opposite orientation, and VTK would take its front for its back and leave it dark.
         """
-        for actor in self.plotter.renderer.actors.values():
+        for actor in self._actors:
             shader = actor.GetShaderProperty()
             shader.ClearAllFragmentShaderReplacements()
             if self._mirrored:

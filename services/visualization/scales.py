@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pyvista as pv
-from vtkmodules.vtkCommonCore import vtkLookupTable
 from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
 
 from trocar.services.mechanics.arrays import FloatArray
@@ -23,13 +22,8 @@ def scales() -> list[vtkScalarBarActor]:
 
 def _bar(title: str, colours: FloatArray, full: float, bottom: float) -> vtkScalarBarActor:
     """Return a bar with these colours (n, 3) from 0 to `full`, `bottom` of the window's height above its lower edge."""
-    table = vtkLookupTable()
-    table.SetNumberOfTableValues(len(colours))
-    for i, colour in enumerate(colours):
-        table.SetTableValue(i, *colour)
-    table.SetRange(0.0, full)
     bar = vtkScalarBarActor()
-    bar.SetLookupTable(table)
+    bar.SetLookupTable(pv.LookupTable(values=255.0 * np.insert(colours, 3, 1.0, axis=1), scalar_range=(0.0, full)))
     bar.SetTitle(title)
     bar.SetNumberOfLabels(min(5, len(colours) + 1))
     bar.SetMaximumNumberOfColors(len(colours))
@@ -39,9 +33,5 @@ def _bar(title: str, colours: FloatArray, full: float, bottom: float) -> vtkScal
     bar.SetHeight(0.3)
     bar.UnconstrainedFontSizeOn()
     for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
-        text.SetFontFamilyToCourier()
-        text.ItalicOff()
-        text.BoldOff()
-        text.ShadowOff()
-        text.SetFontSize(13)
+        text.ShallowCopy(pv.TextProperty(font_family="courier", font_size=13, color="white", shadow=False))
     return bar

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import subprocess
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,12 @@ import pytest
 from pyarrow import parquet
 
 from tests.envs.walks import SMALL
+from trocar.envs import lerobot
 from trocar.envs.cloning import read_demonstrations
+from trocar.envs.demonstrations import read_attempts
 from trocar.envs.lerobot import CHUNK, _ImageShades, export_dataset
 from trocar.envs.rollouts import rollouts
+from trocar.protocol import Frame
 from trocar.review.commands.verbs import Form, export
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.runtime.errors import ConfigError, UserError
@@ -91,9 +95,10 @@ def test_its_film_has_a_picture_for_each_moment(recordings: list[Path], tmp_path
 def test_statistics_of_pictures_are_those_of_all_their_values() -> None:
     random = np.random.default_rng(3)
     images = [random.integers(low, low + 90, (7, 5, 3), np.uint8) for low in (0, 0, 40, 165)]
-    parts = [_ImageShades(images[0].shape) for _ in range(2)]
-    parts[0].add(images[:1])
-    parts[1].add(images[1:])
+    parts = [_ImageShades() for _ in range(2)]
+    parts[0].add(images[0])
+    for image in images[1:]:
+        parts[1].add(image)
     parts[0].add_all(parts[1])
     found, values = parts[0].stats(), np.stack(images).reshape(-1, 3) / 255.0
     for name, wanted in {
@@ -103,6 +108,53 @@ def test_statistics_of_pictures_are_those_of_all_their_values() -> None:
     }.items():  # fmt: skip
         np.testing.assert_allclose(found[name], wanted.reshape(3, 1, 1), atol=1e-12, err_msg=name)
     np.testing.assert_array_equal(found["count"], [4])
+
+
+def noise(tick: int) -> np.ndarray:
+    """Return a picture that no other time has."""
+    return np.random.default_rng(tick).integers(tick % 100, tick % 100 + 100, (48, 64, 3), np.uint8)
+
+
+class CountingCamera:
+    """Draws noise, and counts its pictures that are still in memory."""
+
+    alive = most = drawn = 0
+
+    def image(self, frames: dict[str, Frame]) -> np.ndarray:
+        image = noise(frames["physics.state"].body.tick)
+        self.alive, self.drawn = self.alive + 1, self.drawn + 1
+        self.most = max(self.most, self.alive)
+        weakref.finalize(image, self.forget_picture)
+        return image
+
+    def forget_picture(self) -> None:
+        self.alive -= 1
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def test_pictures_are_written_as_they_are_drawn_and_are_those_of_their_moments(
+    recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = CountingCamera()
+    monkeypatch.setattr(lerobot, "recorded_camera", lambda *_: camera)
+    monkeypatch.setattr(lerobot, "_SAMPLED_IMAGES", 10)
+    export_dataset(recordings, tmp_path / "set", fps=10, view="scope")
+    assert camera.drawn == len(columns(tmp_path / "set")["index"]) > 60
+    assert camera.most <= 2, "one is drawn while the last is being encoded"
+    sampled = [
+        noise(tick)
+        for (shown,) in (read_attempts(file, 10) for file in recordings)
+        for tick in shown.ticks[: -1 : (len(shown.ticks) - 1) // 10]
+    ]
+    values = np.stack(sampled).reshape(-1, 3) / 255.0
+    stats = json.loads((tmp_path / "set" / "meta" / "stats.json").read_text())["observation.images.scope"]
+    for name, wanted in {
+        "mean": values.mean(axis=0), "std": values.std(axis=0), "q99": np.quantile(values, 0.99, axis=0),
+    }.items():  # fmt: skip
+        np.testing.assert_allclose(np.ravel(stats[name]), wanted, atol=1e-12, err_msg=name)
+    assert stats["count"] == [len(sampled)]
 
 
 def damaged(recording: Path, folder: Path) -> Path:

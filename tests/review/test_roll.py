@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.refusals import assert_refused
 from trocar.review.classroom.roll import load_roll
 from trocar.services.runtime.errors import ConfigError
 
@@ -37,11 +38,9 @@ def test_a_class_is_read(tmp_path: Path) -> None:
         ("\udc80", "is not UTF-8 text$"),
     ],
 )
-def test_what_is_no_class_is_refused_with_the_place(tmp_path: Path, text: str, why: str) -> None:
-    file = tmp_path / "class.toml"
-    file.write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(ConfigError, match=f"class.toml: .*{why}"):
-        load_roll(file)
+def test_a_mistake_in_a_class_is_one_sentence(tmp_path: Path, text: str, why: str) -> None:
+    data = text.encode("utf-8", "surrogateescape")
+    assert_refused(load_roll, tmp_path / "class.toml", data, f"class.toml: .*{why}")
 
 
 def test_no_file_is_a_sentence(tmp_path: Path) -> None:

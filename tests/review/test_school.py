@@ -11,9 +11,9 @@ from typing import Any
 import httpx
 import msgspec
 import pytest
-import yaml
 
 from tests.patience import PATIENCE_S
+from tests.refusals import assert_refused
 from tests.review.benches import made_up
 from tests.review.class_of_pages import served
 from trocar.review.attempts.assessment import Assessment
@@ -22,7 +22,7 @@ from trocar.review.school import courses
 from trocar.review.school.app import ROLE, build_app
 from trocar.review.school.bench import GUEST, Bench
 from trocar.review.school.courses import Course, Made, course_names, load_course, standing
-from trocar.services.runtime.errors import ConfigError, UserError
+from trocar.services.runtime.errors import UserError
 from trocar.services.training.errors import ERRORS, ErrorEvent
 from trocar.services.training.score import Score, load_rules
 
@@ -78,14 +78,18 @@ def test_the_shipped_courses_can_be_taken() -> None:
         assert load_course(name).steps
 
 
-def test_a_course_that_cannot_be_taken_says_where(tmp_path: Path) -> None:
-    file = tmp_path / "wrong.yaml"
-    file.write_text(yaml.safe_dump({"title": "wrong", "steps": [{"title": "a", "scenario": "nowhere"}]}))
-    with pytest.raises(ConfigError, match=r"wrong.yaml: steps.0.scenario: .*nowhere"):
-        load_course(str(file))
-    file.write_text(yaml.safe_dump({"title": "wrong", "steps": [{"title": "a", "scenario": "basic", "pass": {}}]}))
-    with pytest.raises(ConfigError, match=r"wrong.yaml: .*pass"):
-        load_course(str(file))
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("title: wrong\nsteps: [{title: a, scenario: nowhere}]", r"steps.0.scenario: .*nowhere"),
+        ("title: wrong\nsteps: [{title: a, scenario: basic, pass: {}}]", r".*pass"),
+        ("title: wrong", r"steps: this key is missing"),
+        ("steps: [{title: a, scenario: basic}]", r"title: this key is missing"),
+        ("[1]", r"the file must be a mapping"),
+    ],
+)
+def test_a_mistake_in_a_course_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+    assert_refused(lambda file: load_course(str(file)), tmp_path / "wrong.yaml", text, f"wrong.yaml: {sentence}")
 
 
 def test_so_many_in_a_row_means_one_after_the_other() -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from trocar.services.mechanics.scene.mesh_cells import MOST_NODES_ALL_PAIRS, accurate_cells
-from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_scene, scene_origins
 
 
@@ -41,22 +40,3 @@ def test_cells_follow_from_the_narrowest_jaw_and_say_that_they_were_automatic(tm
 def test_one_number_may_be_said_and_an_override_may_ask_for_the_rule(tmp_path):
     scene, _ = scene_of(tmp_path, "duct: {n_around: 12, n_along: 9}\n", ["duct.n_along=auto"])
     assert cells(scene) == (12, accurate_cells(4e-3, 40e-3, 1e-3)[1])
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("duct: {n_around: auto, radius_m: wide}", "a.yaml: duct.radius_m"),
-        ("duct: {n_around: auto, length_m: -1.0}", "a.yaml: duct.length_m: must be positive"),
-        ("duct: {n_around: auto, length_m: 1.0e+308}", "a.yaml: duct.length_m: must not be above"),
-        ("duct: {n_along: auto, radius_m: 1" + "0" * 400 + "}", "a.yaml: line 1, column 33"),
-        ("{duct: {n_along: auto, radius_m: 1.0e-200}, forceps: [{jaw_radius_m: 1.0e-200}]}", "a.yaml: duct"),
-        ("duct: {n_around: automatic}", "a.yaml: duct.n_around"),
-        ("duct: auto", "a.yaml: duct"),
-        ("{duct: {n_along: auto}, forceps: [{jaw_radius_m: thin}]}", "a.yaml: forceps.0.jaw_radius_m"),
-        ("{duct: {n_along: auto}, forceps: 3}", "a.yaml: forceps"),
-    ],
-)
-def test_what_the_rule_cannot_use_is_refused_by_its_own_key(tmp_path, text, sentence):
-    with pytest.raises(ConfigError, match=sentence):
-        scene_of(tmp_path, text + "\n")

@@ -85,8 +85,3 @@ def test_a_target_that_is_none_is_one_sentence(own_cache):
     mesh = load_surface(scene, own_cache)
     with pytest.raises(ConfigError, match="target: the duct has no end 'renal'; it has: trunk, subclavian"):
         hands_of(place_catheter(scene, mesh), mesh)
-
-
-def test_hands_that_drive_need_a_drive():
-    with pytest.raises(ConfigError, match="hands: drive needs a tool of kind drive"):
-        load_scene("default", ["hands=drive"])

@@ -82,20 +82,6 @@ def test_a_saved_scene_needs_no_product(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("catheter", "told"),
-    [
-        ({"product": "cholangiography_6fr"}, "catheter.product: there is no catheter 'cholangiography_6fr'"),
-        ({"product": "wire_035_amplatz"}, "catheter.product: 'wire_035_amplatz' is a guide_wire, not a catheter"),
-        ({"guide_wire": {"product": "cholangiography_5fr"}}, "guide_wire.product: .* is a catheter, not a guide_wire"),
-        ({"product": 5}, "catheter.product"),
-    ],
-)
-def test_a_product_that_is_none_is_refused(tmp_path: Path, catheter: dict, told: str) -> None:
-    with pytest.raises(ConfigError, match=told):
-        load_scene(scene_of(tmp_path, catheter))
-
-
-@pytest.mark.parametrize(
     ("changed", "told"),
     [
         ({"value": 2.0e-3}, "outer_diameter_m: 0.002 is outside its own range"),

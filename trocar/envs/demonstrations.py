@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -53,7 +53,7 @@ class Demonstration:
         forces: (n, 4 tools) float32. What each arm applied, N, and its handle's torque, N m.
         motions: (n, 5 tools). Where the hands were: J in m, roll and handle in rad.
         ticks: (n,). Times of the moments, ms.
-        images: Pictures of the moments, without a camera none.
+        places: (n,). How many states of physics the recording holds before that of each moment.
     """
 
     task: str = ""
@@ -62,11 +62,11 @@ class Demonstration:
     forces: list[list[float]] = field(default_factory=list)
     motions: list[list[float]] = field(default_factory=list)
     ticks: list[int] = field(default_factory=list)
-    images: list[Image] = field(default_factory=list)
+    places: list[int] = field(default_factory=list)
 
     def forget_moments(self, count: int) -> None:
         """Forget the oldest moments."""
-        for kept in (self.states, self.forces, self.motions, self.ticks, self.images):
+        for kept in (self.states, self.forces, self.motions, self.ticks, self.places):
             del kept[:count]
 
     def actions(self) -> Float32Array:
@@ -95,7 +95,7 @@ def action_names() -> list[str]:
     return [f"{tool}.{name}" for tool in range(N_TOOLS) for name in _MOTIONS]
 
 
-def read_attempts(path: Path, fps: int, camera: Camera | None = None) -> Iterator[Demonstration]:
+def read_attempts(path: Path, fps: int) -> Iterator[Demonstration]:
     """Yield the attempts of a recording at a steady rate, each with the last second before its first motion.
 
     A recording without a word of attempts is one. Raises RecordingError if it is none, lacks its duct, or has fewer
@@ -108,7 +108,7 @@ def read_attempts(path: Path, fps: int, camera: Camera | None = None) -> Iterato
         view = StateView(read_site(duct_file), duct_file)
     except (ValueError, KeyError) as error:
         raise RecordingError(f"{path}: its duct cannot be used: {error}") from None
-    reader = _Reader(view, fps, camera)
+    reader = _Reader(view, fps)
     for each in read_frames(path, (*FAST, _ATTEMPT)):
         reader.take_frame(each.frame)
         yield from reader.take_finished(path)
@@ -116,18 +116,40 @@ def read_attempts(path: Path, fps: int, camera: Camera | None = None) -> Iterato
     yield from reader.take_finished(path)
 
 
+def draw_moments(path: Path, places: Iterable[int], camera: Camera) -> Iterator[Image]:
+    """Yield the picture of each of some moments of a recording, drawn as it is asked for.
+
+    Args:
+        path: Path of the file.
+        places: Rising, as in `Demonstration`.
+        camera: What draws them.
+    """
+    wanted, newest, place = iter(places), dict[str, Frame](), -1
+    due = next(wanted, None)
+    for each in read_frames(path, (*FAST, _ATTEMPT)):
+        if due is None:
+            return
+        newest[each.frame.topic] = each.frame
+        place += each.frame.topic == FAST[-1]
+        if place == due and each.frame.topic == FAST[-1]:
+            yield camera.image(newest)
+            due = next(wanted, None)
+
+
 class _Reader:
     """Gathers moments; those of an attempt begin a little before its first motion is seen."""
 
-    def __init__(self, view: StateView, fps: int, camera: Camera | None) -> None:
-        self._view, self._fps, self._camera = view, fps, camera
+    def __init__(self, view: StateView, fps: int) -> None:
+        self._view, self._fps = view, fps
         self._newest: dict[str, Frame] = {}
+        self._place = -1
         self._shown, self._finished = Demonstration(), list[Demonstration]()
         self._attempt_id, self._is_running, self._due_ms = "", True, -1.0
 
     def take_frame(self, frame: Frame) -> None:
         """Take what was sent."""
         self._newest[frame.topic] = frame
+        self._place += frame.topic == FAST[-1]
         if frame.topic == _ATTEMPT:
             self._take_attempt(frame.body)
         elif frame.topic == FAST[-1] and self._newest.keys() >= set(FAST):
@@ -175,8 +197,7 @@ class _Reader:
         shown.forces.append(_padded(devices, _felt, len(_FORCES)))
         shown.motions.append(_padded(devices, _pose, len(_MOTIONS)))
         shown.ticks.append(tick)
-        if self._camera is not None:
-            shown.images.append(self._camera.image(self._newest))
+        shown.places.append(self._place)
 
 
 def _padded(devices: GatewayState, read: Any, size: int) -> list[float]:

@@ -8,15 +8,23 @@ and with a film `observation.images.<view>`.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import closing
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from trocar.envs.demonstrations import Demonstration, action_names, force_names, read_attempts, state_names
+from trocar.envs.demonstrations import (
+    Demonstration,
+    action_names,
+    draw_moments,
+    force_names,
+    read_attempts,
+    state_names,
+)
 from trocar.envs.picture import recorded_camera
 from trocar.review.export.pictures import film_info, write_pictures
 from trocar.services.files.atomic_file import atomic_folder
@@ -78,14 +86,22 @@ def export_dataset(
     with atomic_folder(folder) as half:
         dataset = Dataset(half, fps, view, layout)
         for file in files:
-            with ExitStack() as opened:
-                camera = opened.enter_context(closing(recorded_camera(file, view, _IMAGE_SIZE))) if view else None
-                for shown in read_attempts(file, fps, camera):
-                    dataset.add_episode(shown, task or shown.task or "practise")
+            found = list(read_attempts(file, fps))
+            with closing(_pictures(file, found, view)) as pictures:
+                for shown in found:
+                    dataset.add_episode(shown, task or shown.task or "practise", pictures)
         if not dataset.lengths:
             raise ConfigError(f"{', '.join(map(str, files))}: no attempt is in it")
         dataset.close()
     return f"{folder}: {len(dataset.lengths)} episodes, {sum(dataset.lengths)} moments at {fps} a second"
+
+
+def _pictures(file: Path, attempts: Sequence[Demonstration], view: str | None) -> Generator[Values, None, None]:
+    """Yield the picture of each moment of the attempts that is followed by another; without a view none."""
+    places = [place for shown in attempts for place in shown.places[:-1]]
+    if view and places:
+        with closing(recorded_camera(file, view, _IMAGE_SIZE)) as camera:
+            yield from draw_moments(file, places, camera)
 
 
 def read_dataset(folder: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -129,12 +145,12 @@ class Dataset:
         self._tasks: list[str] = []
         self._episodes: list[dict[str, Any]] = []
         self._all: dict[str, list[Values]] = {}
-        self._shades: _ImageShades | None = None
+        self._shades = _ImageShades()
         self._pending: list[Any] = []
         self._data_file = 0
 
-    def add_episode(self, shown: Demonstration, task: str) -> None:
-        """Append an attempt."""
+    def add_episode(self, shown: Demonstration, task: str, pictures: Iterator[Values]) -> None:
+        """Append an attempt, and with a film the next of the pictures, each as it comes."""
         if task not in self._tasks:
             self._tasks.append(task)
         columns = self._columns(shown, self._tasks.index(task))
@@ -145,15 +161,13 @@ class Dataset:
         for name, values in columns.items():
             self._all.setdefault(name, []).append(values)
         if self._film:
-            images = shown.images[:length]
-            write_pictures(self._path(self._video_path, number, video_key=self._film), images, self._fps)
+            shades = _ImageShades()
+            film = shades.take_some(islice(pictures, length), max(1, length // _SAMPLED_IMAGES))
+            write_pictures(self._path(self._video_path, number, video_key=self._film), film, self._fps)
             place = {"chunk_index": number // CHUNK, "file_index": number % CHUNK}
             times = {"from_timestamp": 0.0, "to_timestamp": length / self._fps}
             row |= {f"videos/{self._film}/{name}": value for name, value in {**place, **times}.items()}
-            shades = _ImageShades(images[0].shape)
-            shades.add(images[:: max(1, length // _SAMPLED_IMAGES)])
             stats[self._film] = shades.stats()
-            self._shades = self._shades or _ImageShades(images[0].shape)
             self._shades.add_all(shades)
         self._episodes.append({**row, "stats": stats})
         self.lengths.append(length)
@@ -162,7 +176,7 @@ class Dataset:
         """Write what is pending, and what the dataset says of itself."""
         self._flush_data()
         all_stats = {name: _stats(np.concatenate(parts)) for name, parts in self._all.items()}
-        if self._shades is not None:
+        if self._shades.count:
             all_stats[self._film] = self._shades.stats()
         if self._layout == "v3.0":
             self._write_meta_3(all_stats)
@@ -194,7 +208,7 @@ class Dataset:
         for name, (first, *_) in self._all.items():
             size = int(np.prod(first.shape[1:]))
             features[name] = {"dtype": str(first.dtype), "shape": [size], "names": names.get(name)}
-        if self._shades is not None:
+        if self._shades.count:
             height, width, colours = self._shades.shape
             told = {"names": ["height", "width", "channels"], "info": film_info((height, width), self._fps)}
             features[self._film] = {"dtype": "video", "shape": [height, width, colours], **told}
@@ -279,23 +293,31 @@ class _ImageShades:
     """How often each shade of each colour is in pictures: their statistics to the last digit, however many they are.
 
     Attributes:
-        shape: Height, width and colours of every picture.
+        shape: Height, width and colours of every picture; zeros before the first.
         count: Number of pictures.
     """
 
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        self.shape, self.count = (shape[0], shape[1], shape[2]), 0
-        self._times = np.zeros((shape[2], _SHADES), np.int64)
+    def __init__(self) -> None:
+        self.shape, self.count = (0, 0, 0), 0
+        self._times = np.zeros((3, _SHADES), np.int64)
 
-    def add(self, images: Sequence[Values]) -> None:
-        """Add pictures."""
-        for image in images:
-            for times, colour in zip(self._times, np.moveaxis(image, 2, 0), strict=True):
-                times += np.bincount(colour.reshape(-1), minlength=_SHADES)
-        self.count += len(images)
+    def take_some(self, images: Iterable[Values], every: int) -> Iterator[Values]:
+        """Yield pictures, adding one of so many to the statistics on its way."""
+        for number, image in enumerate(images):
+            if number % every == 0:
+                self.add(image)
+            yield image
+
+    def add(self, image: Values) -> None:
+        """Add a picture."""
+        self.shape = (image.shape[0], image.shape[1], image.shape[2])
+        for times, colour in zip(self._times, np.moveaxis(image, 2, 0), strict=True):
+            times += np.bincount(colour.reshape(-1), minlength=_SHADES)
+        self.count += 1
 
     def add_all(self, other: _ImageShades) -> None:
         """Add the pictures of others."""
+        self.shape = other.shape
         self._times += other._times
         self.count += other.count
 

@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 import socket
-import struct
 import subprocess
 import time
 from collections.abc import Iterator, Sequence
@@ -18,12 +17,14 @@ from typing import Any
 import can
 
 from trocar.services.gateway.can import canbus, cansimple
-from trocar.services.gateway.can.odrive_firmware import FirmwareCheck
+from trocar.services.gateway.can.odrive_link import OdriveLink
+from trocar.services.gateway.devices.clock import REAL_TIME
 from trocar.services.gateway.devices.host_check import HostCheck, text_of
 from trocar.services.runtime.errors import DeviceError
 
 #: Drives send a heartbeat ten times a second.
 _LISTEN_S = 0.5
+_WHOLE = 8  # bytes of a heartbeat: a request for one has none
 _UP = 1  # Linux: IFF_UP of <net/if.h>
 _ARPHRD_CAN = "280"
 _MAKE_VIRTUAL = "sudo modprobe vcan; sudo ip link add dev NAME type vcan; sudo ip link set NAME up"
@@ -170,62 +171,52 @@ def _listen(bus: dict[str, Any], nodes: list[int]) -> Iterator[HostCheck]:
 
 
 class _Heard:
-    """What the nodes of a bus say, and whether their firmware is the right one.
+    """What the nodes of a bus say.
 
-    Only the rig's own nodes are asked for it, which are idle as no rig runs.
+    Only the rig's own nodes are asked for their firmware, which are idle as no rig runs.
     """
 
     def __init__(self, bus: can.BusABC, nodes: Sequence[int]) -> None:
-        self._bus, self._nodes = bus, nodes
-        self._frames = 0
-        self._said: dict[int, str] = {}
-        self._firmware: dict[int, FirmwareCheck] = {}
+        self._bus = bus
+        self._links = {node: OdriveLink(bus, node, REAL_TIME, _LISTEN_S, canbus.DEFAULT_BITRATE) for node in nodes}
+        self._frames, self._beating = 0, set[int]()
 
     def listen(self, seconds: float) -> None:
         """Listen, and ask each node for its version until it has told it."""
-        until_s, ask_s = time.monotonic() + seconds, 0.0
+        until_s = time.monotonic() + seconds
         while time.monotonic() < until_s:
-            if time.monotonic() >= ask_s:
-                ask_s = time.monotonic() + cansimple.HEARTBEAT_S
-                self._ask_versions()
+            for link in self._links.values():
+                with contextlib.suppress(can.CanError):  # a bus that cannot send is told of by its silence
+                    link.ask_version()
             for message in canbus.drain(self._bus):
-                self._frames += 1
-                if not message.is_extended_id and not message.is_remote_frame:
-                    with contextlib.suppress(struct.error):  # a wrong length: not from a drive
-                        self._take_frame(message.arbitration_id, bytes(message.data))
+                self._take_message(message)
             time.sleep(0.01)
 
-    def _ask_versions(self) -> None:
-        for node in self._nodes:
-            if self._firmware.get(node, FirmwareCheck()).version is None:
-                identifier = cansimple.identifier(node, cansimple.GET_VERSION)
-                with contextlib.suppress(can.CanError):  # a bus that cannot send is told of by its silence
-                    self._bus.send(can.Message(arbitration_id=identifier, is_remote_frame=True, is_extended_id=False))
-
-    def _take_frame(self, identifier: int, data: bytes) -> None:
-        node = identifier >> 5
-        if cansimple.command(identifier) == cansimple.HEARTBEAT:
-            errors, state = cansimple.unpack_heartbeat(data)
-            self._said[node] = f"axis state {state}, {cansimple.error_names(errors) or 'no error'}"
-            self._firmware.setdefault(node, FirmwareCheck()).take_heartbeat(data)
-        elif cansimple.command(identifier) == cansimple.GET_VERSION:
-            self._firmware.setdefault(node, FirmwareCheck()).take_version(data)
+    def _take_message(self, message: can.Message) -> None:
+        self._frames += 1
+        is_heartbeat = cansimple.command(message.arbitration_id) == cansimple.HEARTBEAT and len(message.data) == _WHOLE
+        if is_heartbeat and not message.is_extended_id:
+            self._beating.add(message.arbitration_id >> 5)
+        for link in self._links.values():
+            link.take_message(message)
 
     def judge(self, node: int, name: str, noise: str) -> HostCheck:
         """Return what was heard of a node."""
-        if node not in self._said:
+        link = self._links[node]
+        if link.state is None:
             return HostCheck(name, False, self._silence(noise), _SILENT)
-        firmware = self._firmware[node]
+        firmware, said = link.firmware, f"axis state {link.state}, {cansimple.error_names(link.errors) or 'no error'}"
         if firmware.is_wrong:
-            return HostCheck(name, False, firmware.sentence, _FIRMWARE, needed=True)
-        if firmware.version is None:
-            said = f"{self._said[node]}; it does not tell its firmware, as 0.5 does not: 0.6 is needed"
-            return HostCheck(name, False, said, _FIRMWARE)
-        return HostCheck(name, True, self._said[node], "")
+            return HostCheck(name, False, firmware.problem, _FIRMWARE, needed=True)
+        if firmware.problem:
+            return HostCheck(name, False, f"{said}; it {firmware.problem}", _FIRMWARE)
+        return HostCheck(name, True, said, "")
 
     def _silence(self, noise: str) -> str:
-        others = ", ".join(map(str, sorted(set(self._said) - set(self._nodes)))) or "none"
+        others = ", ".join(map(str, sorted(self._beating - self._links.keys()))) or "none"
         said = f"no heartbeat within {_LISTEN_S:g} s; other nodes heard: {others}"
         if noise:
             return f"{said}; {noise}"
-        return f"{said}; {self._frames} frames came, none is a heartbeat" if self._frames and not self._said else said
+        return (
+            f"{said}; {self._frames} frames came, none is a heartbeat" if self._frames and not self._beating else said
+        )

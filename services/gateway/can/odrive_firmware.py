@@ -55,7 +55,11 @@ class FirmwareCheck:
         return not self.is_needed
 
     @property
-    def sentence(self) -> str:
-        """What is wrong: "speaks firmware 0.5, 0.6 is needed"."""
+    def problem(self) -> str:
+        """Empty if it is the needed one, else of the drive: "speaks firmware 0.5, 0.6 is needed"."""
+        if self.is_needed:
+            return ""
+        if not self.is_wrong:
+            return "does not tell its firmware (Get_Version), as 0.5 does not: 0.6 is needed"
         major, minor = _OLD if self.version is None or self.version == NEEDED else self.version
         return f"speaks firmware {major}.{minor}, {NEEDED[0]}.{NEEDED[1]} is needed"

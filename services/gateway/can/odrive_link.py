@@ -50,31 +50,40 @@ class OdriveLink:
         self._torque = can.Message(arbitration_id=self._torque_id, is_extended_id=False, dlc=_TORQUE_BYTES)
 
     def receive(self) -> None:
-        """Read received frames. Some interfaces echo own frames, whose identifiers are not those of the drive."""
+        """Read received frames."""
         now_ns = self._clock.monotonic_ns()
         piled_up = now_ns - self._listened_ns > self._patience_ns
         count = 0
         for message in canbus.drain(self.bus):
             count += 1
-            identifier = message.arbitration_id
-            if identifier != self._torque_id:
-                self.load.count(message.dlc, is_extended=message.is_extended_id)
-            if message.is_remote_frame or message.is_extended_id:
-                continue
-            try:
-                if identifier == self._estimates_id:
-                    if not piled_up:
-                        self._take_estimates(bytes(message.data))
-                elif identifier == self._heartbeat_id:
-                    self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
-                    self.firmware.take_heartbeat(bytes(message.data))
-                    self.heartbeat_ns = self._clock.monotonic_ns()
-                elif identifier == self._version_id:
-                    self.firmware.take_version(bytes(message.data))
-            except struct.error:
-                continue  # a wrong length: not from a drive
+            self.take_message(message, is_old=piled_up)
         if count < canbus.DRAIN_LIMIT:  # otherwise there is more of the backlog
             self._listened_ns = now_ns
+
+    def take_message(self, message: can.Message, *, is_old: bool = False) -> None:
+        """Take a frame of the bus. Some interfaces echo own frames, whose identifiers are not those of the drive.
+
+        Args:
+            message: Of any node.
+            is_old: Whether it may be older than `patience_s`.
+        """
+        identifier = message.arbitration_id
+        if identifier != self._torque_id:
+            self.load.count(message.dlc, is_extended=message.is_extended_id)
+        if message.is_remote_frame or message.is_extended_id:
+            return
+        try:
+            if identifier == self._estimates_id:
+                if not is_old:
+                    self._take_estimates(bytes(message.data))
+            elif identifier == self._heartbeat_id:
+                self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
+                self.firmware.take_heartbeat(bytes(message.data))
+                self.heartbeat_ns = self._clock.monotonic_ns()
+            elif identifier == self._version_id:
+                self.firmware.take_version(bytes(message.data))
+        except struct.error:
+            return  # a wrong length: not from a drive
 
     def send(self, command: int, data: bytes = b"") -> None:
         """Send a command."""

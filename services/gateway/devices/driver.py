@@ -75,9 +75,9 @@ def _nothing(_topic: str) -> Frame | None:
 class Place:
     """Context of a driver: instrument, mount of its arm, position of its trocar, and clock.
 
-    `force_rate_n_s` is the rig's rate limit, for drivers that reduce forces themselves. `newest` returns the last frame
-    of a topic that the gateway may read, for drivers whose device is another process. `motion` is the motion of the
-    hand in the rig's scene, for simulated devices, if known.
+    `force_rate_n_s` and `torque_rate_nm_s` are the law's rate limits, for drivers that keep them themselves. `newest`
+    returns the last frame of a topic that the gateway may read, for drivers whose device is another process. `motion`
+    is the motion of the hand in the rig's scene, for simulated devices, if known.
     """
 
     instrument: str
@@ -86,6 +86,7 @@ class Place:
     index: int = 0
     clock: Clock = REAL_TIME
     force_rate_n_s: float = 200.0
+    torque_rate_nm_s: float = 20.0
     newest: Callable[[str], Frame | None] = _nothing
     motion: Motion | None = None
 

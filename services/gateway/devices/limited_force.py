@@ -1,4 +1,4 @@
-"""The force that a device is given by another program, which rises and turns no faster than the rig's limit.
+"""The force or torque that a device is given by another program: it rises and turns no faster than the rig's limit.
 
 The servo's law keeps this limit, too. But a device that was not served for some ticks would get in one step what the
 law has changed in all of them.
@@ -13,7 +13,7 @@ from trocar.services.gateway.servo.servo_law import MAX_STEP_S
 from trocar.services.gateway.servo.slew import slew_vector
 from trocar.services.runtime.config.rig import Vector3
 
-#: A device that got no force for longer may have let go, so the next begins at none.
+#: An arm that got no force for longer may have let go, so the next begins at none.
 FORGOTTEN_NS = 5_000_000
 SPARE_S = 0.5 * TICK_S  # half a tick early, half a tick late: more is another tick
 NO_FORCE: Vector3 = (0.0, 0.0, 0.0)
@@ -24,18 +24,22 @@ class LimitedForce:
     """The newest force given, and what may follow it. It falls at once, along itself.
 
     A tick may be early or late by some of `SPARE_S`, so time that was not used counts in the next, up to this.
+
+    Args:
+        rate_n_s: Largest rate; of a torque in N m/s, and it is then the first of the three numbers.
+        forgotten_ns: Time without an order after which the device may have let go.
     """
 
-    def __init__(self, rate_n_s: float) -> None:
+    def __init__(self, rate_n_s: float, forgotten_ns: int = FORGOTTEN_NS) -> None:
         self.given = NO_FORCE
-        self._rate_n_s = rate_n_s
+        self._rate_n_s, self._forgotten_ns = rate_n_s, forgotten_ns
         self._given_ns = 0
         self._credit_s = 0.0
 
     def next(self, wanted: Vector3, now_ns: int) -> tuple[Vector3, bool]:
         """Return the force to give now instead of `wanted`, and whether it is the wanted one."""
         passed_ns = now_ns - self._given_ns
-        if self._given_ns and 0 <= passed_ns <= FORGOTTEN_NS:
+        if self._given_ns and 0 <= passed_ns <= self._forgotten_ns:
             self._credit_s = min(self._credit_s, SPARE_S) + min(1e-9 * passed_ns, MAX_STEP_S)
         else:
             self.given, self._credit_s = NO_FORCE, TICK_S

@@ -41,6 +41,7 @@ class DeviceServer:
         self._clock = clock
         self._order: tuple[int, Vector3] = (0, NO_FORCE)
         self._grip: tuple[int, float] = (0, 0.0)
+        self._gripped_ns = 0  # when the order was given that the gripper has
         self._motors = self._ended = self._is_raised = False
         self._wake = threading.Event()
         if library.c.dhdSetGravityCompensation(int(gravity), handle) < 0:
@@ -62,6 +63,16 @@ class DeviceServer:
         """Ask for an exchange with this force on the gripper."""
         self._grip = (now_ns, force_n)
         self._wake.set()
+
+    @property
+    def grip_outstanding(self) -> bool:
+        """Whether the gripper's last order is not with the device yet."""
+        return self._grip[0] != self._gripped_ns
+
+    @property
+    def is_limp(self) -> bool:
+        """Whether the device bears no force, as far as it has told."""
+        return self.newest is None or self.newest.limp
 
     def switch_on(self) -> None:
         """Switch the motors on with the next exchange."""
@@ -100,6 +111,7 @@ class DeviceServer:
         now_ns = self._clock.monotonic_ns()
         trusted = force_n if now_ns - asked_ns <= STALE_NS else NO_FORCE
         problem = self._push(trusted, grip_n if now_ns - grip_ns <= STALE_NS else 0.0)
+        self._gripped_ns = grip_ns
         sample = self.device.read_sample()
         if problem and not sample.problem:
             sample = DhdSample(None, None, None, sample.buttons, sample.calibrated, problem, sample.prompt, limp=True)

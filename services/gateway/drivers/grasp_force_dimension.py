@@ -8,10 +8,10 @@ from trocar.services.gateway.devices import driver
 from trocar.services.gateway.devices.background_open import BackgroundOpen
 from trocar.services.gateway.devices.device_files import GripperFile
 from trocar.services.gateway.devices.driver import GraspHandle, HandleLimits, Place
+from trocar.services.gateway.devices.limited_force import LimitedForce
 from trocar.services.gateway.dhd.server import STALE_NS, DeviceServer, current_server, join_server, leave_server
 from trocar.services.gateway.dhd.settings import DhdSettings
 from trocar.services.gateway.servo.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
-from trocar.services.gateway.servo.servo_law import MAX_STEP_S
 from trocar.services.gateway.servo.velocity_filter import butterworth, low_pass
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.runtime.config.rig import DriverSettings
@@ -27,7 +27,11 @@ _PART = "gripper"
 
 
 class Driver(GraspHandle):
-    """Its torque is a force at the fingers' distance from the axis; after a time without force it grows from none."""
+    """Its torque is a force at the fingers' distance from the axis.
+
+    A gripper that bears none, as it is away for a moment or its motors are off, is given none, and is not ready: the
+    law's torque begins anew, and what is given rises from none.
+    """
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._own = driver.read_settings(DhdSettings, settings, place)
@@ -43,7 +47,8 @@ class Driver(GraspHandle):
         self._silent_ns = self._read_ns = 0
         self._filter, self._coefficients = np.zeros((2, 1)), butterworth(file.velocity_filter_hz, _PERIOD_S)
         self._rate = 0.0
-        self._rate_n_s, self._most_n, self._wrote_ns = place.force_rate_n_s, 0.0, 0
+        self._torque_rate_nm_s = place.torque_rate_nm_s
+        self._torque = self._new_limiter()
 
     def open(self) -> None:
         """Open the device, unless its arm has it open, and wait for its opening."""
@@ -74,7 +79,9 @@ class Driver(GraspHandle):
         if self._server is None:
             return
         self._go_on()
-        server = self._server = current_server(self._own.library, self._own.serial, self._server)
+        server = current_server(self._own.library, self._own.serial, self._server)
+        if server is not self._server:
+            self._server, self._torque = server, self._new_limiter()
         now_ns = self._clock.monotonic_ns()
         self._silent_ns = 0 if self._take_sample(server) else self._silent_ns + min(now_ns - self._read_ns, _TURN_NS)
         self._read_ns = now_ns
@@ -82,13 +89,14 @@ class Driver(GraspHandle):
         self._judge(server)
 
     def write(self, torque_nm: float) -> None:
-        """Give a force to the fingers."""
+        """Give a force to the fingers, unless the last order is not with the device yet."""
         server = self._server
-        if server is None or self._opening is not None:
+        if server is None or self._opening is not None or server.grip_outstanding:
             return
         now_ns = self._clock.monotonic_ns()
-        most_n = self._grow_bound(server, now_ns)
-        force_n = min(max(torque_nm / self._file.lever_m, -most_n), most_n)
+        wanted_nm = torque_nm if self._enabled and not server.is_limp else 0.0
+        (given_nm, _, _), _ = self._torque.next((wanted_nm, 0.0, 0.0), now_ns)
+        force_n = given_nm / self._file.lever_m
         server.grip(force_n if self._file.opens_with_positive_force else -force_n, now_ns)
 
     def close(self) -> None:
@@ -102,16 +110,8 @@ class Driver(GraspHandle):
             server.grip(0.0, self._clock.monotonic_ns())
         self._leave()
 
-    def _grow_bound(self, server: DeviceServer, now_ns: int) -> float:
-        """Return the most force: none while the device bears none, from where it grows as fast as the rig allows."""
-        passed_ns, self._wrote_ns = now_ns - self._wrote_ns, now_ns
-        is_limp = server.newest is None or server.newest.limp
-        if is_limp or not self._enabled or passed_ns > STALE_NS:
-            self._most_n = 0.0
-        else:
-            grown_n = self._most_n + self._rate_n_s * min(1e-9 * passed_ns, MAX_STEP_S)
-            self._most_n = min(grown_n, self._file.max_force_n)
-        return self._most_n
+    def _new_limiter(self) -> LimitedForce:
+        return LimitedForce(self._torque_rate_nm_s, STALE_NS)
 
     def _join(self) -> DeviceServer:
         own = self._own
@@ -134,7 +134,7 @@ class Driver(GraspHandle):
         server, problem = self._opening.take_opened()
         self._opening = None
         if server is not None:
-            self._server, self._silent_ns = server, 0
+            self._server, self._silent_ns, self._torque = server, 0, self._new_limiter()
             if self._enabled:
                 server.switch_on()
         else:
@@ -160,7 +160,8 @@ class Driver(GraspHandle):
         if not opening and silent:
             problem = self._find_problem(server) or "tells no opening that a gripper can have"
             self.fault = self.fault or f"the gripper's {server.model} {problem}"
-        self.ready = self._enabled and server.device.gripper_pushes and not (opening or silent or self.fault)
+        is_away = opening or silent or server.is_limp or bool(self.fault)
+        self.ready = self._enabled and server.device.gripper_pushes and not is_away
 
     def _find_problem(self, server: DeviceServer) -> str:
         return server.lost or ("" if server.newest is None else server.newest.problem)

@@ -108,11 +108,8 @@ class OdriveGrasp(GraspHandle, ABC):
         return self._firmware_problem(link)
 
     def _firmware_problem(self, link: OdriveLink) -> str:
-        if link.firmware.is_needed:
-            return ""
-        if link.firmware.is_wrong:
-            return f"{self._name} {link.firmware.sentence}"
-        return f"{self._name} does not tell its firmware (Get_Version), as 0.5 does not: 0.6 is needed"
+        problem = link.firmware.problem
+        return f"{self._name} {problem}" if problem else ""
 
     def _new_link(self, bus: can.BusABC) -> OdriveLink:
         return OdriveLink(bus, self.node, self._clock, self.file.watchdog_s, self.bitrate)

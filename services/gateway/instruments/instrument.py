@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from trocar.protocol import Frame
 from trocar.protocol.bodies.haptics import MODEL_COLUMNS
 from trocar.services.gateway.devices.driver import NO_HANDLE, Arm, GraspHandle, Place
 from trocar.services.gateway.drivers import load_arm, load_grasp
-from trocar.services.gateway.instruments.servo import Servo, ServoLimits
+from trocar.services.gateway.instruments.servo import Servo, ServoLimits, torque_rate
 from trocar.services.gateway.motions.scene_hands import SceneHand, fitted
 from trocar.services.gateway.servo import pose, servo_arrays
 from trocar.services.gateway.servo.engagement import EngagementState
@@ -232,10 +233,11 @@ def _build(
         motion=None if hand is None else hand.motion,
     )
     arm = load_arm(row.arm, place)
+    force_n, torque_nm = min(settings.force_limit_n, arm.limits.max_force_n), settings.grasp_torque_limit_nm
+    place = replace(place, torque_rate_nm_s=torque_rate(torque_nm, settings.force_rate_limit_n_s, force_n))
     grasp = load_grasp(row.grasp, place) if row.grasp is not None else None
-    torque_nm = settings.grasp_torque_limit_nm
     limits = ServoLimits(
-        force_n=min(settings.force_limit_n, arm.limits.max_force_n),
+        force_n=force_n,
         continuous_force_n=arm.limits.continuous_force_n,
         force_rate_n_s=settings.force_rate_limit_n_s,
         torque_nm=torque_nm if grasp is None else min(torque_nm, grasp.max_torque_nm),

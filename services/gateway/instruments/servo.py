@@ -46,17 +46,22 @@ class ServoLimits:
     handle: HandleLimits = NO_HANDLE
 
     def pack(self) -> FloatArray:
-        """Return the limits as an array for kernels. Torque unloads in the same time as force."""
+        """Return the limits as an array for kernels."""
         out = np.zeros(servo_arrays.LIMIT_SIZE)
         out[servo_arrays.LIMIT_FORCE] = self.force_n
         out[servo_arrays.LIMIT_CONTINUOUS_FORCE] = min(self.continuous_force_n, self.force_n)
         out[servo_arrays.LIMIT_RATE] = self.force_rate_n_s
         out[servo_arrays.LIMIT_TORQUE] = self.torque_nm
-        out[servo_arrays.LIMIT_TORQUE_RATE] = self.torque_nm * self.force_rate_n_s / self.force_n
+        out[servo_arrays.LIMIT_TORQUE_RATE] = torque_rate(self.torque_nm, self.force_rate_n_s, self.force_n)
         out[servo_arrays.LIMIT_ARM : servo_arrays.LIMIT_HANDLE] = self.count_m, self.friction_n, 0.0
         handle = self.handle
         out[servo_arrays.LIMIT_HANDLE :] = handle.count_rad, handle.friction_nm, handle.sudden_rad
         return out
+
+
+def torque_rate(torque_nm: float, force_rate_n_s: float, force_n: float) -> float:
+    """Return the rate limit of a torque, N m/s: the largest unloads in the same time as the largest force."""
+    return torque_nm * force_rate_n_s / force_n
 
 
 class Servo:

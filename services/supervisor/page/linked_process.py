@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -11,50 +11,93 @@ from trocar.services.supervisor.crew.crew import END_S
 from trocar.services.supervisor.crew.launcher import Child
 from trocar.services.supervisor.crew.processes import ProcessSpec
 from trocar.services.supervisor.crew.restart_policy import MINUTE_S, helper_restarts
-from trocar.services.supervisor.page.page_link import Link
+from trocar.services.supervisor.crew.silence import Silence
+from trocar.services.supervisor.page.page_link import Heartbeat, Link
+
+#: Silence that is a hang, of one that runs and of one that starts, not counting waits for a processor.
+SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
 
 
 class LinkedProcess:
-    """Starts the process; it ends once its link is closed.
+    """Starts the process, and again if it ends or hangs; it ends once its link is closed.
 
     Args:
         spec: What to start.
         log_file: Where its output goes.
+        setup: Its first message.
+        descriptors: What it gets as further arguments, beside the descriptor of its link.
+        say: Tells a person what happened: level and text.
+        beats: Whether it sends a `Heartbeat` at least every few seconds.
 
     Attributes:
-        child: The process while it lives, else None.
-        link: The link to it, likewise.
-        due_s: When it may be started again.
+        link: The link to it while it lives, else None.
     """
 
-    def __init__(self, spec: ProcessSpec, log_file: Path) -> None:
-        self.log_file = log_file
-        self.child: Child | None = None
+    def __init__(
+        self,
+        spec: ProcessSpec,
+        log_file: Path,
+        setup: msgspec.Struct,
+        say: Callable[[str, str], None],
+        descriptors: Sequence[int] = (),
+        *,
+        beats: bool = False,
+    ) -> None:
         self.link: Link | None = None
-        self.due_s = 0.0
-        self._spec = spec
+        self._child: Child | None = None
+        self._silence: Silence | None = None
+        self._due_s = 0.0
+        self._spec, self._log_file, self._setup, self._say = spec, log_file, setup, say
+        self._descriptors, self._beats = descriptors, beats
         self._restarts = helper_restarts()
 
-    def start(self, setup: msgspec.Struct, descriptors: Sequence[int] = ()) -> Child:
-        """Start it; its arguments are the link's descriptor and further ones, and its first message is `setup`."""
+    def start(self) -> None:
+        """Start it."""
         self.link, other = Link.pair()
-        self.link.send(setup)
-        passed = other.fileno(), *descriptors
-        self.child = Child(self._spec, [str(each) for each in passed], self.log_file, passed)
+        self.link.send(self._setup)
+        passed = other.fileno(), *self._descriptors
+        self._child = Child(self._spec, [str(each) for each in passed], self._log_file, passed)
         other.close()
-        return self.child
+        self._silence = Silence(self._child.pid, _SILENT_AT_FIRST_S) if self._beats else None
 
-    def lose(self, now_s: float) -> tuple[int, bool]:
-        """Kill it, as it ended or hangs; return its exit status, and whether it is started again soon."""
-        assert self.link is not None
-        assert self.child is not None
-        self.link.close()
-        status = self.child.kill()
-        self.child.close()
-        self.child = self.link = None
+    def run_turn(self, now_s: float) -> None:
+        """Start it if it is due; notice that it has ended, or hangs."""
+        if self._child is None:
+            if now_s >= self._due_s:
+                self.start()
+        elif self._child.end() is not None:
+            self._lose(self._child, now_s)
+        elif why := self._hear_beats():
+            self._lose(self._child, now_s, f" {why} and")
+
+    def _hear_beats(self) -> str:
+        """Return what is wrong with it, empty for nothing."""
+        if self._silence is None or self.link is None:
+            return ""
+        try:
+            while self.link.receive(Heartbeat) is not None:
+                self._silence.await_answer(SILENT_S)
+        except ConnectionError:  # it ends, and its end is noticed in a turn of its own
+            return ""
+        return self._silence.too_long()
+
+    def _lose(self, child: Child, now_s: float, why: str = "") -> None:
+        """End one that ended or hangs, and say so."""
+        status = child.kill()
+        self._forget_child(child)
         delay_s = self._restarts.delay_s(now_s)
-        self.due_s = now_s + (MINUTE_S if delay_s is None else delay_s)
-        return status, delay_s is not None
+        self._due_s = now_s + (MINUTE_S if delay_s is None else delay_s)
+        again = "the rig goes on without for a minute" if delay_s is None else "started again"
+        text = f"the {self._spec.name}'s process{why} ended with exit code {status}, {again} (see {self._log_file})"
+        self._say("warning", f"supervisor: {text}")
+
+    def _forget_child(self, child: Child) -> None:
+        child.close()
+        if self.link is not None:
+            self.link.close()
+        if self._silence is not None:
+            self._silence.close()
+        self._child = self.link = self._silence = None
 
     def end(self) -> None:
         """Let it end, without waiting for it."""
@@ -64,7 +107,7 @@ class LinkedProcess:
     def close(self) -> None:
         """End it, by force if it takes too long."""
         self.end()
-        if self.child is not None:
-            self.child.wait(END_S)
-            self.child.kill()
-            self.child.close()
+        if self._child is not None:
+            self._child.wait(END_S)
+            self._child.kill()
+            self._forget_child(self._child)

@@ -37,11 +37,11 @@ def socket_path(transport: Transport) -> Path:
 
 
 class School:
-    """Starts the school's process, and starts it again if it ends."""
+    """Starts the school's process once the rig has started, and again if it ends."""
 
     def __init__(self, supervisor: Supervisor, setup: PageSetup, log_directory: Path) -> None:
-        self._supervisor, self._setup = supervisor, setup
-        self._process = LinkedProcess(_SCHOOL, log_directory / "school.log")
+        self._supervisor = supervisor
+        self._process = LinkedProcess(_SCHOOL, log_directory / "school.log", setup, supervisor.say)
         self._is_there = supervisor.rig.replay is None and _is_installed()
 
     def end(self) -> None:
@@ -53,15 +53,9 @@ class School:
         self._process.close()
 
     def run_turn(self, now_s: float) -> None:
-        """Start the process if it does not run and is due."""
-        if not self._is_there or now_s < self._process.due_s or self._supervisor.state is RigState.STARTING:
-            return  # what starts with the rig delays it
-        if self._process.child is None:
-            self._process.start(self._setup)
-        elif self._process.child.end() is not None:
-            self._process.lose(now_s)
-            log_file = self._process.log_file
-            self._supervisor.say("warning", f"supervisor: the school's process ended, see {log_file}")
+        """Keep the process running."""
+        if self._is_there and self._supervisor.state is not RigState.STARTING:  # what starts with the rig delays it
+            self._process.run_turn(now_s)
 
 
 def _is_installed() -> bool:

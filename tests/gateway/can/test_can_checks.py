@@ -13,6 +13,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
+import can
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -214,7 +215,7 @@ def test_firmware_is_told_by_version_and_heartbeat(
     if version is not None:
         check.take_version(bytes((2, 3, 6, 0, *version, 4, 0)))
     check.take_heartbeat(struct.pack("<IBBBB", *heartbeat))
-    assert (check.sentence if check.is_wrong else "") == said
+    assert (check.problem if check.is_wrong else "") == said
     assert check.is_needed == (version == (0, 6) and not said)
 
 
@@ -233,7 +234,7 @@ def test_no_drive_is_used_that_has_not_told_0_6_and_none_is_refused_that_is_as_0
     if version == (0, 6) and flags[1] < 2 and flags[2] == 0 and not errors & 0xE0080:
         assert check.is_needed
     if version not in (None, (0, 6)):
-        assert check.sentence == f"speaks firmware {version[0]}.{version[1]}, 0.6 is needed"
+        assert check.problem == f"speaks firmware {version[0]}.{version[1]}, 0.6 is needed"
     assert not (check.is_needed and check.is_wrong)
 
 
@@ -286,6 +287,33 @@ def test_what_comes_and_is_no_frame_is_in_the_sentence_of_a_drive_that_is_not_he
         adapter.shutdown()
     assert not found.ok
     assert "lines came that are no frames: look at the adapter's protocol (slcan) and baud rate" in found.found
+
+
+def test_firmware_and_what_is_no_heartbeat_are_told_by_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(can_checks, "_LISTEN_S", LISTEN_S)
+    bus = {"interface": "virtual", "channel": str(tmp_path)}
+    stop = Event()
+
+    def speak() -> None:
+        with can.Bus(**bus) as drives:
+            while not stop.wait(0.02):
+                for node, end in ((1, 1), (2, 0), (9, 0)):  # the last byte: a flag of firmware 0.5
+                    data = struct.pack("<IBBBB", 0, 1, 0, 0, end)
+                    drives.send(can.Message(arbitration_id=node << 5 | 1, data=data, is_extended_id=False))
+                drives.send(can.Message(arbitration_id=7 << 5 | 1, is_remote_frame=True, is_extended_id=False))
+
+    speaker = Thread(target=speak)
+    speaker.start()
+    try:
+        old, silent_on_it, missing = can_checks.check([(bus, 1), (bus, 2), (bus, 3)], in_use=False)
+    finally:
+        stop.set()
+        speaker.join()
+    assert (old.ok, old.needed, old.found) == (False, True, "speaks firmware 0.5, 0.6 is needed")
+    assert silent_on_it.found == (
+        "axis state 1, no error; it does not tell its firmware (Get_Version), as 0.5 does not: 0.6 is needed"
+    )
+    assert missing.found == f"no heartbeat within {LISTEN_S:g} s; other nodes heard: 9"
 
 
 def test_two_handles_with_one_node_are_told(tmp_path: Path) -> None:

@@ -63,8 +63,8 @@ class DhdStandIn:
         return self._log()[:, :3]
 
     def grip_log(self) -> FloatArray:
-        """Return the forces of its gripper, likewise."""
-        return self._log()[:, 3]
+        """Return the forces of its gripper, likewise, each as a vector along one axis."""
+        return self._log()[:, 3:] * [1.0, 0.0, 0.0]
 
     def _log(self) -> FloatArray:
         out = np.zeros((_MOST, 4))

@@ -7,8 +7,11 @@ from typing import Any
 import pytest
 import yaml
 
+from tests.refusals import assert_refused
 from trocar.services.gateway.devices.device_files import ArmFile, DeviceFile
+from trocar.services.gateway.instruments import instrument as instrument_module
 from trocar.services.gateway.instruments.instrument import build_instruments
+from trocar.services.gateway.servo import servo_arrays
 from trocar.services.gateway.simulated import premium_model
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import ConfigError, DeviceError
@@ -30,55 +33,50 @@ def test_the_simulated_premium_has_the_count_and_friction_of_its_device_file() -
     assert file.limits().friction_n == file.sure_friction * file.friction_n < file.friction_n
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "said"),
-    [
-        ("interface_delay_s", "1.0", r"interface_delay_s: 1 s is more than 0\.003 s: a force that comes later"),
-        ("interface_delay_s", "-1.0e-4", r"interface_delay_s: -0\.0001 s is less than 0 s"),
-        ("sure_friction", "25", r"sure_friction: 25 is more than 1: an arm has"),
-    ],
-)
-@pytest.mark.parametrize("device", ["touch", "grasp_odrive"])
-def test_a_delay_or_share_that_no_books_cover_is_refused_by_name(device: str, key: str, value: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
-        config.load(DeviceFile, CONFIGS / "devices" / f"{device}.yaml", [f"{key}={value}"])
+def _changed(device: str, **changes: str | None) -> str:
+    """Return the text of a device file with other values of some keys, or without them."""
+    lines = (CONFIGS / "devices" / f"{device}.yaml").read_text(encoding="utf-8").splitlines()
+    others = [line for line in lines if line.partition(":")[0] not in changes]
+    return "\n".join([*others, *(f"{key}: {value}" for key, value in changes.items() if value is not None)])
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "said"),
-    [
-        ("count_m", "0.055", r"count_m: 0\.055 m is more than 0\.0002 m: no encoder"),  # a count in mm
-        ("count_m", "0", r"count_m: 0 m is less than 1e-08 m: no encoder"),
-        ("count_m", ".nan", r"count_m"),
-        ("friction_n", "0", r"friction_n: 0 N is less than 0\.0001 N: every arm"),
-        ("friction_n", "26", r"friction_n: 26 N is more than 2 N: every arm"),
-        ("max_force_n", "1.0e+6", r"max_force_n: 1e\+06 N is more than 50 N: the strongest"),
-        ("max_velocity_m_s", "1.0e+6", r"max_velocity_m_s: 1e\+06 m/s is more than 100 m/s: no hand"),
-        (
-            "openhaptics_centre_m",
-            "[1.0e+9, 0, 0]",
-            r"openhaptics_centre_m\.0: 1e\+09 m is more than 1 m: the workspace",
-        ),
-        ("friction_n", "much", r"friction_n.*number"),
-    ],
-)
-def test_a_count_or_friction_that_no_arm_has_is_refused_by_name(
-    tmp_path: Path, key: str, value: str, said: str
-) -> None:
-    lines = (CONFIGS / "devices" / "touch.yaml").read_text(encoding="utf-8").splitlines()
-    path = tmp_path / "mine.yaml"
-    others = [line for line in lines if not line.startswith(key)]
-    path.write_text("\n".join([*others, f"{key}: {value}"]), encoding="utf-8")
-    with pytest.raises(ConfigError, match=rf"mine\.yaml.*{said}"):
-        config.load(ArmFile, path)
+#: The file's text, and a pattern of the sentence.
+REFUSED = [
+    *(
+        (_changed(device, **{key: value}), said)
+        for device in ("touch", "grasp_odrive")
+        for key, value, said in (
+            ("interface_delay_s", "1.0", r"interface_delay_s: 1 s is more than 0\.003 s: a force that comes later"),
+            ("interface_delay_s", "-1.0e-4", r"interface_delay_s: -0\.0001 s is less than 0 s"),
+            ("sure_friction", "25", r"sure_friction: 25 is more than 1: an arm has"),
+        )
+    ),
+    (_changed("touch", count_m="0.055"), r"count_m: 0\.055 m is more than 0\.0002 m: no encoder"),  # a count in mm
+    (_changed("touch", count_m="0"), r"count_m: 0 m is less than 1e-08 m: no encoder"),
+    (_changed("touch", count_m=".nan"), r"count_m"),
+    (_changed("touch", count_m=None), r"count_m"),
+    (_changed("touch", friction_n="0"), r"friction_n: 0 N is less than 0\.0001 N: every arm"),
+    (_changed("touch", friction_n="26"), r"friction_n: 26 N is more than 2 N: every arm"),
+    (_changed("touch", friction_n="much"), r"friction_n.*number"),
+    (_changed("touch", max_force_n="1.0e+6"), r"max_force_n: 1e\+06 N is more than 50 N: the strongest"),
+    (_changed("touch", max_velocity_m_s="1.0e+6"), r"max_velocity_m_s: 1e\+06 m/s is more than 100 m/s: no hand"),
+    (
+        _changed("touch", openhaptics_centre_m="[1.0e+9, 0, 0]"),
+        r"openhaptics_centre_m\.0: 1e\+09 m is more than 1 m: the workspace",
+    ),
+    # Of a file that may be several things, the kind decides which keys there are.
+    ("model: x", r"^.*mine\.yaml: kind: this key is missing"),
+    ("kidn: arm\nmodel: x", r"kidn: unknown key 'kidn'; known: "),
+    (
+        "kind: arm\nmodle: x",
+        r"arm\.modle: unknown key 'modle'; known: continuous_force_n, count_m, device_centre_m, friction_n",
+    ),
+]
 
 
-def test_an_arm_that_tells_no_count_is_refused_by_name(tmp_path: Path) -> None:
-    text = (CONFIGS / "devices" / "touch.yaml").read_text(encoding="utf-8")
-    path = tmp_path / "mine.yaml"
-    path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("count_m")), encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"mine\.yaml.*count_m"):
-        config.load(ArmFile, path)
+@pytest.mark.parametrize(("text", "sentence"), REFUSED)
+def test_a_mistake_in_a_device_file_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+    assert_refused(lambda file: config.load(DeviceFile, file), tmp_path / "mine.yaml", text, sentence)
 
 
 def test_the_stub_builds_two_instruments_whose_forces_can_be_taken_back_in_time() -> None:
@@ -87,6 +85,15 @@ def test_the_stub_builds_two_instruments_whose_forces_can_be_taken_back_in_time(
     assert [instrument.name for instrument in instruments] == ["left", "right"]
     # A fresh model is a tick old and lives 20 ms: beyond this the limit could never be reached.
     assert settings.force_limit_n <= settings.force_rate_limit_n_s * (0.020 - 0.001)
+
+
+def test_a_handles_driver_is_told_the_torque_rate_of_its_instruments_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is told less would give another torque than the law has in its books."""
+    told: list[float] = []
+    monkeypatch.setattr(instrument_module, "load_grasp", lambda _, place: told.append(place.torque_rate_nm_s))
+    built = build_instruments(config.load_rig("stub").gateway)
+    packed = [float(each.servo.limits.pack()[servo_arrays.LIMIT_TORQUE_RATE]) for each in built]
+    assert told == packed == [20.0, 20.0]  # 0.3 N m in the 15 ms that 3 N take at 200 N/s
 
 
 def test_stub_and_hardware_differ_in_their_gateway_section_only() -> None:

@@ -29,6 +29,7 @@ from trocar.services.runtime.errors import DeviceError
 
 RATE_N_S = 200.0
 PUSH = np.array([0.5, -0.3, 1.0])
+GRIP_MOST_N, GRIP_N = 8.0, 6.0
 
 
 class DhdBench:
@@ -43,6 +44,11 @@ class DhdBench:
         self.has_grasp = False
 
     place = Place("left", Mount(), force_rate_n_s=RATE_N_S)
+
+    @property
+    def grip_rate_n_s(self) -> float:
+        """Limit at the fingers."""
+        return self.place.torque_rate_nm_s * GRIP_MOST_N / self.grasp.max_torque_nm
 
     def settings(self, driver: str, device: str, **own: Any) -> DriverSettings:
         own.setdefault("library", str(self.standin.path))
@@ -90,9 +96,10 @@ def bench(tmp_path: Path) -> Iterator[DhdBench]:
             built = DhdBench(standin)
             try:
                 yield built
-                log = standin.log()
-                if len(log) > 1:
-                    assert kicks_n(log).max() <= RATE_N_S * (MAX_STEP_S + SPARE_S) + 1e-9  # rounding
+                if len(standin.log()) > 1:
+                    assert kicks_n(standin.log()).max() <= RATE_N_S * (MAX_STEP_S + SPARE_S) + 1e-9  # rounding
+                    most_n = built.grip_rate_n_s * (MAX_STEP_S + SPARE_S)
+                    assert kicks_n(standin.grip_log()).max() <= most_n + 1e-9
             finally:
                 built.close()
     except BenchUnavailable as reason:
@@ -259,16 +266,41 @@ def test_an_arm_whose_motors_are_off_bears_no_force_as_it_is_ordered(bench: DhdB
 
 @pytest.mark.parametrize("name", SHORT)
 def test_so_does_the_force_of_a_gripper(bench: DhdBench, name: str) -> None:
-    torque_nm = 6.0 / 8.0 * bench.grasp.max_torque_nm
+    torque_nm = GRIP_N / GRIP_MOST_N * bench.grasp.max_torque_nm
     bench.open(grasp=True)
-    bench.until(lambda: math.isclose(bench.standin.grip_n(), 6.0), torque_nm=torque_nm)
-    SHORT[name](bench, 1)
-    bench.run(60, torque_nm=torque_nm)
-    assert bench.standin.grip_n() == 0.0
-    SHORT[name](bench, 0)
-    bench.until(lambda: math.isclose(bench.standin.grip_n(), 6.0), torque_nm=torque_nm)
-    bench.run(30, torque_nm=torque_nm)
-    assert np.diff(np.abs(bench.standin.grip_log())).max() < 2.5  # some orders may come at once on a busy host
+    for ticks in (25, 60):
+        bench.until(lambda: math.isclose(bench.standin.grip_n(), GRIP_N), torque_nm=torque_nm)
+        SHORT[name](bench, 1)
+        bench.run(ticks, torque_nm=torque_nm)
+        assert bench.standin.grip_n() == 0.0
+        assert not bench.grasp.ready, "the law must know, as its torque is not given"
+        SHORT[name](bench, 0)
+    bench.until(lambda: math.isclose(bench.standin.grip_n(), GRIP_N), torque_nm=torque_nm)
+    assert bench.grasp.ready
+
+
+@pytest.mark.parametrize("hang_ms", [2, 8, 30])
+def test_nor_is_a_gripper_kicked_by_calls_that_hang(bench: DhdBench, hang_ms: int) -> None:
+    torque_nm = GRIP_N / GRIP_MOST_N * bench.grasp.max_torque_nm
+    bench.open(grasp=True)
+    for _ in range(3):
+        bench.until(lambda: math.isclose(bench.standin.grip_n(), GRIP_N), torque_nm=torque_nm)
+        bench.run(5)
+        bench.standin.c.standin_hang(hang_ms)
+        bench.run(60, torque_nm=torque_nm)
+        bench.standin.c.standin_hang(0)
+    bench.until(lambda: math.isclose(bench.standin.grip_n(), GRIP_N), torque_nm=torque_nm)
+
+
+def test_a_gripper_of_a_gateway_that_stands_still_rises_from_none(bench: DhdBench) -> None:
+    torque_nm = GRIP_N / GRIP_MOST_N * bench.grasp.max_torque_nm
+    bench.open(grasp=True)
+    bench.until(lambda: math.isclose(bench.standin.grip_n(), GRIP_N), torque_nm=torque_nm)
+    end_s = time.monotonic() + 10.0
+    while bench.standin.grip_n():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+    bench.until(lambda: math.isclose(bench.standin.grip_n(), GRIP_N), torque_nm=torque_nm)
 
 
 def test_of_two_arms_one_is_to_be_named_by_its_serial_number(bench: DhdBench) -> None:
