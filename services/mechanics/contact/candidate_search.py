@@ -44,7 +44,7 @@ from trocar.services.mechanics.compiled.vectors import along, row
 from trocar.services.mechanics.contact.engagement import engage_tools
 from trocar.services.mechanics.contact.identity import TARGET, TARGET_KIND, part_of
 from trocar.services.mechanics.contact.laws import HAS_GAP
-from trocar.services.mechanics.contact.layers import count_layers
+from trocar.services.mechanics.contact.layers import BesideJaws, count_layers
 from trocar.services.mechanics.contact.price import (
     piece_of,
     write_capsule_violations,
@@ -58,6 +58,7 @@ from trocar.services.mechanics.contact.system import STRATEGIES, ContactSystem
 from trocar.services.mechanics.contact.working_set import IMPLIED_M, WorkingSet, age_members, choose, renew_member
 from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 #: Maximum number of closest pairs: a duct that two jaws have pinched shut has 600 within a millimetre.
 CAPACITY = 4096
@@ -74,6 +75,7 @@ class SearchArrays(Struct):
     violations: Candidates
     working: WorkingSet
     capsules: CapsuleMemory
+    beside: BesideJaws
     tools_at_start: ToolPoses
     margin_m: float  # gap up to which tools and catheter get rows
     is_measured: bool = False  # whether the candidates are those of the next start, if nothing moves until then
@@ -111,6 +113,7 @@ class CandidateSearch:
             violations=Candidates.zeros(c=CAPACITY),
             working=WorkingSet.zeros(rest=rest, first_sphere=self._end, **sizes),
             capsules=CapsuleMemory.zeros(m=n_pieces, n=self._end - N_TOOL_PIECES, n_apart=self._n_apart),
+            beside=BesideJaws.zeros(bound=np.full((N_TOOLS, len(mesh.triangles)), -math.inf)),
             tools_at_start=ToolPoses.zeros(),
             margin_m=self._margin_m,
         )
@@ -316,7 +319,8 @@ def count_layers_of(
     search, geometry = search_at(address), state_at(state_address).geometry
     for tool in range(tools.shape[0]):
         if tools[tool]:
-            count_layers(search.known.list, geometry, tool, search.tools_at_start.frame[tool], out[tool])
+            frame = search.tools_at_start.frame[tool]
+            count_layers(search.known.list, search.beside, geometry, tool, frame, out[tool])
 
 
 @kernel

@@ -4,27 +4,52 @@ In the tool's own axes, x in which the jaws open, y along the hinge and z along 
 y = 0, and the line between them in a cell is parallel to x. So a triangle counts in a cell if its section with that
 plane passes between the jaws there. Where the catheter or a stone lies on the line nothing is squeezed: their contacts
 know a wall of full thickness.
+
+What lies between the jaws is the triangle of their junction and tips. Most of the listed wall is beside it and stays
+so: each triangle of the wall has a lower bound on its distance, and is looked at again when tool and wall have moved by
+it, or when a jaw is near it. No point between the jaws moves further than the furthest of the three corners.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS, N_SEGMENTS, tool_frame
 from trocar.services.mechanics.collision.candidate_list import CandidateList
 from trocar.services.mechanics.collision.pairs import JAW_A, JAW_B
 from trocar.services.mechanics.compiled import inlined_kernel, kernel
-from trocar.services.mechanics.compiled.vectors import Vector, dot, row, subtract
+from trocar.services.mechanics.compiled.struct import Struct
+from trocar.services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    dot,
+    put_row_of,
+    row,
+    row_of,
+    squared_distance,
+    subtract,
+)
 from trocar.services.mechanics.contact.geometry import ContactGeometry
+from trocar.services.mechanics.scene.tools import N_TOOLS
 
 Jaws = tuple[float, float, float]
 """Length (m) of the jaws, sine and cosine of half their opening."""
 
 
+class BesideJaws(Struct):
+    """Which of the m triangles of a wall cannot have come between the jaws of a tool since they were looked at."""
+
+    bound: Annotated[FloatArray, N_TOOLS, "m"]  # on the distance from what lies between the jaws, plus `travel` then
+    corner: Annotated[FloatArray, N_TOOLS, 3, 3]  # junction and tips of the jaws at the last count
+    travel: Annotated[FloatArray, N_TOOLS]  # sum of the furthest motions of the corners
+    wall_travel: float = 0.0  # of the list at the last count
+
+
 @kernel
 def count_layers(
-    listed: CandidateList, geometry: ContactGeometry, tool: int, frame: FloatArray, out: FloatArray
+    listed: CandidateList, beside: BesideJaws, geometry: ContactGeometry, tool: int, frame: FloatArray, out: FloatArray
 ) -> None:
     """Write how many layers of wall the jaws of a tool have between them at the end of the step, by cells (N_CELLS,).
 
@@ -35,17 +60,51 @@ def count_layers(
     tool_frame(tools.proxy[tool, :3], tools.port[tool], tools.roll[tool], frame)
     half = 0.5 * tools.proxy[tool, 3]
     jaws, junction = (tools.jaw_length[tool], math.sin(half), math.cos(half)), row(tools.proxy, tool)
+    travel = _add_travel(listed, beside, tool, (frame, junction), jaws)
     out[:] = 0.0
     for jaw in (JAW_A, JAW_B):
         piece, side = N_SEGMENTS * tool + jaw, 1.0 if jaw == JAW_A else -1.0
+        near = listed.thickness[piece] + listed.wanted[piece] + listed.wall_travel + listed.piece_travel[piece]
+        entry, bound, apart = listed.entry[piece], listed.bound[piece], beside.bound[tool]
         for k in range(listed.count[piece]):
-            corners = listed.clusters.triangles[listed.entry[piece, k]]
+            t = entry[k]
+            if apart[t] > travel and bound[k] > near:
+                continue
+            corners = listed.clusters.triangles[t]
             u = _in_tool(frame, subtract(row(listed.position, corners[0]), junction))
             v = _in_tool(frame, subtract(row(listed.position, corners[1]), junction))
             w = _in_tool(frame, subtract(row(listed.position, corners[2]), junction))
+            apart[t] = travel + _distance_from_plane(u[1], v[1], w[1])
             _count_triangle((u, v, w), side, jaws, out)
     _spread_to_rims(out)
     _clear_of_bodies(geometry, (frame, junction), jaws, out)
+
+
+@inlined_kernel
+def _add_travel(
+    listed: CandidateList, beside: BesideJaws, tool: int, place: tuple[FloatArray, Vector], jaws: Jaws
+) -> float:
+    """Add the motion of a tool's jaws since its last count to their travel; return that of wall and jaws together.
+
+    Where the list has begun anew, so do the bounds.
+    """
+    if listed.wall_travel < beside.wall_travel:
+        beside.bound[:] = -math.inf
+    beside.wall_travel = listed.wall_travel
+    (frame, junction), (length_m, sine, cosine) = place, jaws
+    ahead, moved_2 = along(junction, row(frame, 2), length_m * cosine), 0.0
+    for k in range(3):
+        corner = along(ahead, row(frame, 0), (k - 1) * length_m * sine) if k != 1 else junction
+        moved_2 = max(moved_2, squared_distance(corner, row_of(beside.corner, tool, k)))
+        put_row_of(beside.corner, tool, k, corner)
+    beside.travel[tool] += math.sqrt(moved_2)
+    return float(listed.wall_travel + beside.travel[tool])
+
+
+@inlined_kernel
+def _distance_from_plane(u: float, v: float, w: float) -> float:
+    """Return the distance from y = 0 of a triangle whose corners have these y."""
+    return max(min(u, v, w), -max(u, v, w), 0.0)
 
 
 @inlined_kernel
@@ -70,7 +129,9 @@ def _count_triangle(corners: tuple[Vector, Vector, Vector], side: float, jaws: J
     x_1, z_1 = _section(u, v)
     x_2, z_2 = _section(u, w)
     length_m, sine, cosine = jaws
-    for cell in range(N_CELLS):
+    per_m = N_CELLS / (length_m * cosine)
+    first, end = max(int(min(z_1, z_2) * per_m - 0.5), 0), min(int(max(z_1, z_2) * per_m + 1.5), N_CELLS)
+    for cell in range(first, end):
         arm_m = length_m * (cell + 0.5) / N_CELLS
         z = arm_m * cosine
         if (z_1 <= z) == (z_2 <= z):

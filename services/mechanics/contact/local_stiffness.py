@@ -7,7 +7,6 @@ from typing import Annotated, cast
 
 from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from trocar.services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.dense import sum_of_products
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
@@ -18,7 +17,7 @@ from trocar.services.mechanics.contact.lasting_compliance import (
     RodAddresses,
     WallAddress,
     add_catheter_compliance,
-    add_wall_compliance,
+    add_compliance_of_shapes,
 )
 from trocar.services.mechanics.contact.rows import ContactRows
 from trocar.services.mechanics.contact.state import ContactState, state_at
@@ -90,8 +89,7 @@ def local_stiffness(
         closed, S = out.closed[:n], out.scratch[: n * n].reshape(n, n)
         G = out.scratch[n * n : n * (n + N_COORDINATES)].reshape(n, N_COORDINATES)
         _fill_closed(state.rows, W, closed, S, G)
-        _add_excess(state.geometry.tools, tool, S, G)
-        add_wall_compliance(state.rows, closed, wall, out.lasting, S)
+        add_compliance_of_shapes(state.rows, closed, wall, (state.geometry.tools, tool, G), out.lasting, S)
         is_factored = add_catheter_compliance(state.rows, closed, rod, out.lasting, is_factored, S)
         if _whiten(S, G):
             for k in range(n):
@@ -130,28 +128,21 @@ def _fill_closed(rows: ContactRows, W: FloatArray, closed: IntArray, S: FloatArr
 
 
 @kernel
-def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> None:
-    """Add 1/K of the coupling minus its compliance over one step to the lower triangle of S (n, n)."""
-    for coordinate in range(G.shape[1]):
-        excess = 1.0 / tools.stiffness[tool, coordinate] - tools.compliance[tool, coordinate]
-        for i in range(S.shape[0]):
-            for j in range(i + 1):
-                S[i, j] += excess * G[i, coordinate] * G[j, coordinate]
-
-
-@kernel
 def _whiten(S: FloatArray, G: FloatArray) -> bool:
-    """Overwrite G (n, 4) by L^-1 G, with S = L L^T in place; return False if S is not positive definite."""
+    """Overwrite G (n, 4) by L^-1 G, with S = L L^T; return False if S is not positive definite.
+
+    L is written over the lower triangle of S, without its diagonal.
+    """
     for j in range(S.shape[0]):
         pivot = S[j, j] - sum_of_products(S[j], S[j], j)
         if not pivot > 0.0:
             return False
-        S[j, j] = math.sqrt(pivot)
+        inverse = 1.0 / math.sqrt(pivot)
         for i in range(j + 1, S.shape[0]):
-            S[i, j] = (S[i, j] - sum_of_products(S[i], S[j], j)) / S[j, j]
+            S[i, j] = (S[i, j] - sum_of_products(S[i], S[j], j)) * inverse
         for coordinate in range(G.shape[1]):
-            total = G[j, coordinate]
-            for k in range(j):
-                total -= S[j, k] * G[k, coordinate]
-            G[j, coordinate] = total / S[j, j]
+            G[j, coordinate] *= inverse
+        for i in range(j + 1, S.shape[0]):
+            for coordinate in range(G.shape[1]):
+                G[i, coordinate] -= S[i, j] * G[j, coordinate]
     return True

@@ -20,6 +20,8 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
+import numpy as np
+
 from trocar.services.mechanics.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from trocar.services.mechanics.bodies.forceps.kinematics import N_CELLS
 from trocar.services.mechanics.bodies.forceps.solid_wall import (
@@ -119,9 +121,14 @@ class JawSqueeze:
 
     def update(self, dt_s: float, search: CandidateSearch) -> None:
         """Update the energies after the jaws have moved, occupy and release cells, and count the layers in them."""
-        update_squeezes(self._system.address, self.arrays.address, dt_s)
-        search.count_layers(self._system, self.arrays.squeezes, self.arrays.counted)
-        update_layers(self.arrays.address, dt_s)
+        if update_squeezes(self._system.address, self.arrays.address, dt_s):
+            search.count_layers(self._system, self.arrays.squeezes, self.arrays.counted)
+            update_layers(self.arrays.address, dt_s)
+
+    def compile_kernels(self, search: CandidateSearch) -> None:
+        """Compile the kernels that only squeezing jaws need."""
+        search.count_layers(self._system, np.zeros(N_TOOLS, np.bool_), self.arrays.counted)
+        update_layers(self.arrays.address, 0.0)
 
     def write_reactions(self) -> None:
         """Write the forces on jaws B, after the solve has found those on jaws A."""
@@ -224,9 +231,12 @@ def write_reactions(state_address: Address[ContactState], squeeze_address: Addre
 
 
 @kernel
-def update_squeezes(state_address: Address[ContactState], squeeze_address: Address[SqueezeArrays], dt_s: float) -> None:
-    """Update the energies of the step, and occupy and release cells according to the contacts that were pressed."""
-    state, squeeze = state_at(state_address), squeeze_at(squeeze_address)
+def update_squeezes(state_address: Address[ContactState], squeeze_address: Address[SqueezeArrays], dt_s: float) -> bool:
+    """Update the energies of the step, and occupy and release cells according to the contacts that were pressed.
+
+    A tool that squeezes nothing has no layers in its jaws. Return whether one squeezes wall.
+    """
+    state, squeeze, any_squeezes = state_at(state_address), squeeze_at(squeeze_address), False
     rows, tools = state.rows, state.geometry.tools
     for tool in range(tools.present.shape[0]):
         opening, stored_j = tools.proxy[tool, 3], squeeze.stored_j[tool]
@@ -244,9 +254,13 @@ def update_squeezes(state_address: Address[ContactState], squeeze_address: Addre
             _update_cells(squeeze, tool, opening, dt_s)
         else:
             squeeze.wall.occupied[tool] = 0.0
-        squeeze.squeezes[tool] = squeeze.wall.occupied[tool].max() > 0.0
+        squeezes = squeeze.wall.occupied[tool].max() > 0.0
+        squeeze.squeezes[tool], any_squeezes = squeezes, any_squeezes or squeezes
+        if not squeezes:
+            squeeze.wall.layers[tool] = 0.0
         stored_j[DUCT_TRIANGLE] = stored_energy_j(squeeze.wall, tool, opening)
         squeeze.dissipated_j += before - stored_j[DUCT_TRIANGLE] - stored_j[CATHETER_SEGMENT]
+    return bool(any_squeezes)
 
 
 @inlined_kernel
@@ -303,10 +317,10 @@ def _update_cells(squeeze: SqueezeArrays, tool: int, opening_rad: float, dt_s: f
 
 @kernel
 def update_layers(squeeze_address: Address[SqueezeArrays], dt_s: float) -> None:
-    """Take over the layers that were counted: more at once, fewer gradually, and none where nothing is squeezed."""
+    """Take over the layers that were counted in the jaws that squeeze: more at once, fewer gradually."""
     squeeze = squeeze_at(squeeze_address)
     for tool in range(squeeze.squeezes.shape[0]):
-        layers = squeeze.wall.layers[tool]
-        for cell in range(N_CELLS):
-            counted = max(squeeze.counted[tool, cell], layers[cell] - dt_s / RELEASE_S)
-            layers[cell] = counted if squeeze.squeezes[tool] else 0.0
+        if squeeze.squeezes[tool]:
+            layers = squeeze.wall.layers[tool]
+            for cell in range(N_CELLS):
+                layers[cell] = max(squeeze.counted[tool, cell], layers[cell] - dt_s / RELEASE_S)

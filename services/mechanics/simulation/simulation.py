@@ -152,6 +152,7 @@ class Simulation:
         self.system.strategy.assemble(anew=True)  # as if blocks of the wall's compliance were missing
         self.splitter.compile_kernels()
         self.search.depths_m(self.system, 1.0)
+        self.squeeze.compile_kernels(self.search)
         for effect in self.world.effects:
             effect.potential_energy_j(self.world)
         if self.duct.terms is not None:
