@@ -6,8 +6,9 @@ import math
 from typing import Annotated
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
-from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
+from trocar.services.mechanics.compiled import kernel, summing_kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import copy_rows
 
 
 class WarpedTube(Struct):
@@ -26,6 +27,7 @@ class WarpedTube(Struct):
     rate: Annotated[FloatArray, "s", 3, "r"]  # derivatives of the centres
     small: Annotated[FloatArray, 9, 3]  # scratch: a few vectors, rows at a section, rows at a node
     between: Annotated[FloatArray, 3, "r"]
+    has_rates: bool = False  # whether those derivatives are of this state
 
 
 tube_at = reader(WarpedTube)
@@ -82,11 +84,12 @@ def interpolate_turn(turn: FloatArray, segment: int, fraction: float, out: Float
 
 @summing_kernel
 def _product(modes: FloatArray, q: FloatArray, out: FloatArray) -> None:
-    for i in range(3):
-        total = 0.0
-        for mode in range(q.shape[0]):
-            total += modes[i, mode] * q[mode]
-        out[i] = total
+    x, y, z = 0.0, 0.0, 0.0
+    for mode in range(q.shape[0]):
+        x += modes[0, mode] * q[mode]
+        y += modes[1, mode] * q[mode]
+        z += modes[2, mode] * q[mode]
+    out[0], out[1], out[2] = x, y, z
 
 
 @kernel
@@ -127,20 +130,16 @@ def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def update_axis(address: Address[WarpedTube], q: FloatArray) -> bool:
-    """Do what `string_axis` does; False where it has been done at these coordinates already."""
-    tube = tube_at(address)
-    for mode in range(q.shape[0]):
-        if tube.q[mode] != q[mode]:
-            string_axis(tube, q)
-            return True
-    return False
+    """String the stations of a tube together at coordinates q (r,); False where that has been done already."""
+    return string_axis(tube_at(address), q)
 
 
 @kernel
-def string_axis(tube: WarpedTube, q: FloatArray) -> None:
-    """String the stations together at coordinates q (r,), writing their turns and centres."""
-    for mode in range(q.shape[0]):
-        tube.q[mode] = q[mode]
+def string_axis(tube: WarpedTube, q: FloatArray) -> bool:
+    """Do as `update_axis`: write the turns and centres of the stations, unless they are those at q (r,)."""
+    if _is_strung(tube, q):
+        return False
+    _begin_axis(tube, q)
     centres, turn_modes, stretch = tube.rest_centre, tube.turn_modes, tube.stretch_modes
     turn, centre, small = tube.turn, tube.centre, tube.small
     R, middle, piece, step = small[:3], small[6], small[7], small[8]
@@ -157,12 +156,41 @@ def string_axis(tube: WarpedTube, q: FloatArray) -> None:
         _rotate(R, piece, step)
         for i in range(3):
             centre[k + 1, i] = centre[k, i] + step[i]
+    return True
 
 
 @kernel
-def string_rates(address: Address[WarpedTube]) -> None:
+def take_axis(source: WarpedTube, q: FloatArray, tube: WarpedTube) -> bool:
+    """Do as `string_axis`, by copying the axis of another tube of the same duct if that has been strung at q (r,)."""
+    if _is_strung(tube, q):
+        return False
+    if not _is_strung(source, q):
+        return string_axis(tube, q)
+    _begin_axis(tube, q)
+    copy_rows(source.turn, tube.turn, tube.turn.shape[0])
+    copy_rows(source.centre, tube.centre, tube.centre.shape[0])
+    return True
+
+
+@kernel
+def _begin_axis(tube: WarpedTube, q: FloatArray) -> None:
+    tube.has_rates = False
+    for mode in range(q.shape[0]):
+        tube.q[mode] = q[mode]
+
+
+@kernel
+def _is_strung(tube: WarpedTube, q: FloatArray) -> bool:
+    is_strung = True
+    for mode in range(q.shape[0]):
+        is_strung = is_strung and tube.q[mode] == q[mode]
+    return is_strung
+
+
+@kernel
+def _string_rates(tube: WarpedTube) -> None:
     """Write the derivatives of the centres by q, for the turns and centres that there are."""
-    tube = tube_at(address)
+    tube.has_rates = True
     turn_modes, stretch, turn, centre, rate = tube.turn_modes, tube.stretch_modes, tube.turn, tube.centre, tube.rate
     small, between = tube.small, tube.between
     R, A, middle, step = small[:3], small[3:6], small[6], small[8]
@@ -206,11 +234,9 @@ def place_node(tube: WarpedTube, node: int, extra: FloatArray, out: FloatArray) 
 @kernel
 def node_rows(address: Address[WarpedTube], nodes: IntArray, extra: FloatArray, out: FloatArray) -> None:
     """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q; ``extra`` (k, 3) rides along."""
-    _node_rows(tube_at(address), nodes, extra, out)
-
-
-@inlined_kernel
-def _node_rows(tube: WarpedTube, nodes: IntArray, extra: FloatArray, out: FloatArray) -> None:
+    tube = tube_at(address)
+    if not tube.has_rates:
+        _string_rates(tube)
     segment, fraction, arm, local, q = tube.segment, tube.fraction, tube.arm, tube.local, tube.q
     turn, rate, turn_modes, small, between = tube.turn, tube.rate, tube.turn_modes, tube.small, tube.between
     R, A, vector, carried = small[:3], small[3:6], small[6], small[7]
