@@ -38,15 +38,13 @@ from trocar.services.mechanics.reduction.wall_step.lagging_energy import conjuga
 FADE_S = 0.25
 """Time in which all of a term fades out or in: the change that a hand feels, newtons, then stays far below a rig's
 limit on the rate of forces."""
-_RELAXED, _HOLD, _SETTLE, _END = range(4)
-"""Stages of a step."""
 
 
 class WallTerms:
     """Terms that effects bring, and their one step, with the relaxation of the wall.
 
-    Effects of the wall take turns in its stages, `hold_relaxed`, `hold`, `settle` and `end_step`: in each step the
-    first that calls one acts, for all. So any of them may rest.
+    In each step they are called once, whatever effects there are: first `hold_relaxed` and `hold`, then `settle`, last
+    `end_step`.
 
     Attributes:
         samples, polynomial, softened: what the terms are made of, None where there is none; taken on before the first
@@ -64,7 +62,7 @@ class WallTerms:
         self._step: WallStep | None = None
         self._held, self._held_lagging = np.zeros((2, n_modes))
         self._scratch, self._acts = np.zeros((2, n_modes)), False
-        self._stiffness, self._stage = duct.reduced.basis.omega_rad_s**2, _END
+        self._stiffness = duct.reduced.basis.omega_rad_s**2
         self._own_n, self.held_relaxed = np.zeros_like(duct.load_force_n), np.zeros(n_modes)
         self._ending: tuple[EndingWall, LaggingModes] | None = None
         self._gain_dt_s = np.zeros(1)  # of the step whose gain is in the terms' rows: it goes back with them
@@ -84,40 +82,32 @@ class WallTerms:
             self._step.books[LAGGED] = -self._lagging_j()
         return self._step
 
-    def _enters(self, stage: int) -> bool:
-        """Enter a stage; False where another effect has entered it already."""
-        is_first, self._stage = stage != self._stage, stage
-        return is_first
-
     def hold(self, dt_s: float) -> None:
         """Hold the mean force of the step that begins: call it when all other loads on the modes are there."""
         duct, step = self._duct, self.step
         if dt_s != self._gain_dt_s[0]:
             step.take_gain(duct.held_gain)
             self._gain_dt_s[0] = dt_s
-        if self._enters(_HOLD):
-            self._acts = hold_terms(
-                step.address, duct.loads_address, duct.free_end_parts, (self._held_lagging, self._held), self._scratch
-            )
+        self._acts = hold_terms(
+            step.address, duct.loads_address, duct.free_end_parts, (self._held_lagging, self._held), self._scratch
+        )
 
     def settle(self, clearance_m: Callable[[], float], dt_s: float) -> None:
         """Correct a step in which contacts changed, see `settle_step`, and let terms fade."""
-        if self._enters(_SETTLE):
-            step = self.step
-            self.lost_j += settle_step(step, self._held, self._duct, clearance_m) if self._acts else 0.0
-            self.lost_j += self._fade(dt_s) if self._is_fading else 0.0
+        if self._acts:
+            self.lost_j += settle_step(self.step, self._held, self._duct, clearance_m)
+        if self._is_fading:
+            self.lost_j += self._fade(dt_s)
 
     def hold_relaxed(self) -> None:
         """Hold what the linear modes have relaxed over the step that begins."""
-        viscous, self._stage = self._duct.viscous, _RELAXED
+        viscous = self._duct.viscous
         if viscous is not None:
             modes = viscous.stiffness, viscous.g, viscous.d
             hold_relaxed(self._duct.motion_address, modes, self.held_relaxed, self._scratch[0])
 
     def end_step(self, dt_s: float) -> None:
         """Let all that lags follow, if the wall relaxes, and the pattern follow the contact forces."""
-        if not self._enters(_END):
-            return
         duct, loads = self._duct, self._duct.viscous_loads
         if self._ending is None:
             self._ending = self._find_ending()

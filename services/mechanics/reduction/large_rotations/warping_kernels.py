@@ -25,7 +25,7 @@ class WarpedTube(Struct):
     turn: Annotated[FloatArray, "s", 3]
     centre: Annotated[FloatArray, "s", 3]
     rate: Annotated[FloatArray, "s", 3, "r"]  # derivatives of the centres
-    small: Annotated[FloatArray, 9, 3]  # scratch: a few vectors, rows at a section, rows at a node
+    small: Annotated[FloatArray, 12, 3]  # scratch: a few matrices and vectors, and turns per modal coordinate
     between: Annotated[FloatArray, 3, "r"]
     has_rates: bool = False  # whether those derivatives are of this state
 
@@ -109,23 +109,22 @@ def _rotate_back(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def _add_turned_rates(A: FloatArray, modes: FloatArray, arm: FloatArray, out: FloatArray) -> None:
-    """Add (A modes) x arm to ``out``, all per modal coordinate (3, r): what a turn does to a point."""
-    for mode in range(out.shape[1]):
-        x = A[0, 0] * modes[0, mode] + A[0, 1] * modes[1, mode] + A[0, 2] * modes[2, mode]
-        y = A[1, 0] * modes[0, mode] + A[1, 1] * modes[1, mode] + A[1, 2] * modes[2, mode]
-        z = A[2, 0] * modes[0, mode] + A[2, 1] * modes[1, mode] + A[2, 2] * modes[2, mode]
-        out[0, mode] += y * arm[2] - z * arm[1]
-        out[1, mode] += z * arm[0] - x * arm[2]
-        out[2, mode] += x * arm[1] - y * arm[0]
+def _turn_of_arm(A: FloatArray, arm: FloatArray, out: FloatArray) -> None:
+    """Write the map (3, 3) from a change w of a turn to what it moves a point by: (A w) x arm."""
+    for j in range(3):
+        x, y, z = A[0, j], A[1, j], A[2, j]
+        out[0, j] = y * arm[2] - z * arm[1]
+        out[1, j] = z * arm[0] - x * arm[2]
+        out[2, j] = x * arm[1] - y * arm[0]
 
 
 @kernel
 def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
-    """Add R modes, (3, 3) by (3, r), to ``out``."""
+    """Add R modes, (3, 3) by (3, r), to ``out``: each row by itself, so that several modes are done at once."""
     for i in range(3):
+        x, y, z = R[i, 0], R[i, 1], R[i, 2]
         for mode in range(out.shape[1]):
-            out[i, mode] += R[i, 0] * modes[0, mode] + R[i, 1] * modes[1, mode] + R[i, 2] * modes[2, mode]
+            out[i, mode] += x * modes[0, mode] + y * modes[1, mode] + z * modes[2, mode]
 
 
 @kernel
@@ -193,7 +192,7 @@ def _string_rates(tube: WarpedTube) -> None:
     tube.has_rates = True
     turn_modes, stretch, turn, centre, rate = tube.turn_modes, tube.stretch_modes, tube.turn, tube.centre, tube.rate
     small, between = tube.small, tube.between
-    R, A, middle, step = small[:3], small[3:6], small[6], small[8]
+    R, A, middle, step, moved = small[:3], small[3:6], small[6], small[8], small[9:]
     rate[0] = 0.0
     for k in range(stretch.shape[0]):
         interpolate_turn(turn, k, 0.5, middle)
@@ -204,7 +203,8 @@ def _string_rates(tube: WarpedTube) -> None:
             for mode in range(between.shape[1]):
                 between[i, mode] = 0.5 * (turn_modes[k, i, mode] + turn_modes[k + 1, i, mode])
                 rate[k + 1, i, mode] = rate[k, i, mode]
-        _add_turned_rates(A, between, step, rate[k + 1])
+        _turn_of_arm(A, step, moved)
+        _add_rotated(moved, between, rate[k + 1])
         _add_rotated(R, stretch[k], rate[k + 1])
 
 
@@ -239,7 +239,7 @@ def node_rows(address: Address[WarpedTube], nodes: IntArray, extra: FloatArray, 
         _string_rates(tube)
     segment, fraction, arm, local, q = tube.segment, tube.fraction, tube.arm, tube.local, tube.q
     turn, rate, turn_modes, small, between = tube.turn, tube.rate, tube.turn_modes, tube.small, tube.between
-    R, A, vector, carried = small[:3], small[3:6], small[6], small[7]
+    R, A, vector, carried, moved = small[:3], small[3:6], small[6], small[7], small[9:]
     for index in range(nodes.shape[0]):
         node = nodes[index]
         k, t = segment[node], fraction[node]
@@ -253,7 +253,8 @@ def node_rows(address: Address[WarpedTube], nodes: IntArray, extra: FloatArray, 
                 between[i, mode] = (1.0 - t) * turn_modes[k, i, mode] + t * turn_modes[k + 1, i, mode]
                 out[index, i, mode] = (1.0 - t) * rate[k, i, mode] + t * rate[k + 1, i, mode]
         _rotate(R, carried, vector)
-        _add_turned_rates(A, between, vector, out[index])
+        _turn_of_arm(A, vector, moved)
+        _add_rotated(moved, between, out[index])
         _add_rotated(R, local[node], out[index])
 
 
