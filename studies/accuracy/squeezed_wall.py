@@ -40,23 +40,23 @@ class SqueezedWall:
         basis, n = self.duct.basis, len(self.nodes)
         integrator = Newmark(basis.omega_rad_s, self.duct.damping_ratio)
         self.body = DuctBody(self.duct, integrator, n)
-        self._modes = ViscousModes(basis.omega_rad_s, self.series)
+        self._loads = ViscousLoads(self.series, self.duct.mesh.n_vertices, len(self.body.load_nodes))
         if self.series.g:
-            self.body.viscous = self._modes
+            self.body.viscous = ViscousModes(basis.omega_rad_s, self.series)
+            self.body.viscous_loads = self._loads
         self.terms = terms_of(self.body)
         if self.softening is not None:
             self.terms.softened = SoftenedWall.of(self.duct, self.softening)
-        self._loads = ViscousLoads(self.series, self.duct.mesh.n_vertices, len(self.body.load_nodes))
         self._corners = np.stack([self.nodes] * 3, axis=1).astype(np.int32)
         self._weights = np.tile([1.0, 0.0, 0.0], (n, 1))
-        self._last_n, self._held = np.zeros(n), np.zeros(basis.n_modes)
+        self._last_n = np.zeros(n)
 
     def step(self, wanted_m: FloatArray | None = None, force_n: FloatArray | None = None) -> FloatArray:
         """Take a step to displacements (k,) along the lines, or under forces (k,); returns the forces (N) then."""
         body, k = self.body, len(self.nodes)
         body.change_step(DT_S)
         body.modal_force[:] = 0.0
-        body.hold(self._held, self._modes.force())
+        self.terms.hold_relaxed()
         self.terms.hold(DT_S)
         body.predict(DT_S)
         body.gather(self._corners, self._weights)
@@ -76,12 +76,7 @@ class SqueezedWall:
         self._last_n = force_n.copy()
         body.correct(self._corners, self._weights, -force_n[:, None] * self.lines)
         self.terms.settle(lambda: 0.0, DT_S)
-        if self.series.g:
-            self._modes.relax(body.state.q, DT_S)
         self.terms.end_step(DT_S)
-        if self.series.g:
-            acting = body.load_nodes, body.load_force_n, body.n_contact_loads
-            body.replace_loads(self._loads.relax(acting, self.duct.residual.store, DT_S))
         return at_end_n
 
     @cached_property

@@ -17,6 +17,7 @@ from trocar.services.mechanics.reduction.newmark import Newmark, newmark_step
 from trocar.services.mechanics.reduction.node_compliance import Loads
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.reduction.viscoelastic import ViscousModes
+from trocar.services.mechanics.reduction.viscous_loads import ViscousLoads
 
 _NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
 
@@ -40,6 +41,8 @@ class DuctBody:
         motion_address: Address[DuctMotion], loads_address: Address[DuctLoads]. The modes and their loads, and the
             contact loads, for kernels.
         kept_address: Address[NodeArrays] or None. The compliance cached between nodes, if there is a cache.
+        sections: tuple of Address[WarpedTube]. Where the sections of a wall with large rotations are at the start of a
+            step, and at its end once contact forces are there; zeros for one without.
         modal_force: (r,) float64. Loads of effects on the modes in this step, the constant ones included.
         constant_modal_force: (r,) float64
         held_force: (r,) float64. Part of ``modal_force`` that is the same over all of the step, from its start on; see
@@ -48,7 +51,8 @@ class DuctBody:
             accelerations at its start, and times the force in it, in sum.
         removed_half_impulse: (r,) float64. Rates that `remove_half_impulse` has subtracted at the start of this step.
         terms: the wall's terms beyond the linear modes, see `wall_terms`; None where nobody has brought any.
-        viscous: ViscousModes or None. What lags of the linear modes, of a wall that relaxes.
+        viscous, viscous_loads: ViscousModes, ViscousLoads or None. What lags of the modes and of the loads, if the wall
+            relaxes.
         taken: (r,) float64. Change of the rates at the end of the last step, see `pay_for_impulses`.
     """
 
@@ -83,7 +87,8 @@ class DuctBody:
         self._loads, self.loads_address = loads, loads.address
         self.terms: Any = None
         self.viscous: ViscousModes | None = None
-        self.kept_address = self._motion.kept_address
+        self.viscous_loads: ViscousLoads | None = None
+        self.kept_address, self.sections = self._motion.kept_address, self._motion.sections
 
     def set_constant_load(self, nodal_n: FloatArray) -> None:
         """Set a constant load (n, 3) and start in equilibrium with it."""

@@ -14,7 +14,9 @@ from trocar.services.mechanics.reduction.coincident_points import find_sources
 from trocar.services.mechanics.reduction.large_rotations.warping_kernels import (
     WarpedTube,
     node_rotations,
+    node_rows,
     place_node,
+    take_axis,
     tube_at,
     turn_vector,
     turn_vectors,
@@ -89,6 +91,30 @@ def place_points(
 
 
 @kernel
+def gather_turned(
+    places: TurnedPlaces,
+    points: Points,
+    loads: Loads,
+    slot: IntArray,
+    scratch: tuple[FloatArray, FloatArray],
+    corner_rows: FloatArray,
+    still: tuple[FloatArray, FloatArray],
+    out: PointRows,
+) -> bool:
+    """Do as `displace_turned` and `place_points`, with ``still`` = (nodes at rest, free change of the coordinates).
+
+    False where a corner has no place in what is kept; nothing is written to ``out`` then.
+    """
+    count = displace_turned(places, points, loads, slot, scratch)
+    if count < 0:
+        return False
+    beyond, rows = scratch[1][:count], corner_rows[:count]
+    node_rows(places[0], corners_at(places[2]).node[:count], beyond, rows)
+    place_points(places, points, rows, (still[0], beyond, still[1]), out)
+    return True
+
+
+@kernel
 def weigh_turned(
     places: TurnedPlaces, points: Points, source: IntArray, rotations: FloatArray, out: FloatArray
 ) -> bool:
@@ -99,6 +125,12 @@ def weigh_turned(
     find_sources(points, source)
     node_rotations(places[0], points[0].reshape(-1), rotations)
     return bool(weigh_turned_blocks(places[1], points, rotations, out, source))
+
+
+@kernel
+def follow_axis(start: Address[WarpedTube], end: Address[WarpedTube], q: FloatArray) -> bool:
+    """Bring the axis of the start of a step to q (r,), the end of the last one mostly; False if it is there."""
+    return take_axis(tube_at(end), q, tube_at(start))
 
 
 @kernel

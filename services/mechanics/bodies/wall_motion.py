@@ -12,10 +12,18 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.bodies.contact_corners import ContactCorners, apply_corner_displacements, list_corners
-from trocar.services.mechanics.bodies.turned_points import displace_turned, place_points, turn_along, weigh_turned
+from trocar.services.mechanics.bodies.turned_points import (
+    displace_turned,
+    follow_axis,
+    gather_turned,
+    place_points,
+    turn_along,
+    weigh_turned,
+)
 from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.reduction.coincident_points import copy_coincident, find_sources
 from trocar.services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from trocar.services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube
 from trocar.services.mechanics.reduction.modal_compliance import add_modal_compliance
 from trocar.services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -30,9 +38,11 @@ class PointCompliance:
         reduced: ReducedDuct. Its residual compliance acts along world axes.
         kept_address: Address[NodeArrays] or None. Where kernels find the compliance cached between nodes, if there is a
             cache.
+        sections: tuple of Address[WarpedTube]. See `DuctBody.sections`.
     """
 
     kept_address: Address[NodeArrays] | None = None
+    sections: tuple[Address[WarpedTube], Address[WarpedTube]] = (Address(0), Address(0))
 
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         self.reduced = reduced
@@ -118,11 +128,12 @@ class TurnedMotion(PointCompliance):
         self._kept, self._rotations = NodeCompliance(reduced, n_points), np.zeros((3 * n_points, 3, 3))
         self._load_n, self._residual_m = np.zeros((6 * n_points, 3)), np.zeros((3 * n_points, 3))
         self._corner_rows = np.zeros((3 * n_points, 3, reduced.basis.n_modes))
+        self.sections = self._frame.address, self._end_frame.address
         self._places = self._frame.address, self._kept.address, self._corners.address
 
     def update(self, q: FloatArray) -> None:
-        """Compute the sections' positions and rotations at q."""
-        self._frame.update(q)
+        """Compute the sections' positions and rotations at q, where the last step has ended, mostly."""
+        follow_axis(self._frame.address, self._end_frame.address, q)
 
     def turn_to_wall(self, nodes: IntArray, vectors: FloatArray) -> None:
         """Turn vectors (k, 3) of nodes (k,), in place, from world axes into those of their sections at rest."""
@@ -142,10 +153,13 @@ class TurnedMotion(PointCompliance):
 
         Sections that turn carry the displacement by ``loads`` along, so it is part of the rows.
         """
+        rest_m, scratch = self.reduced.mesh.vertices_m, (self._load_n, self._residual_m)
+        if gather_turned(self._places, points, loads, self._slot, scratch, self._corner_rows, (rest_m, motion[1]), out):
+            return
         u = self._displace_corners(points, loads)
         rows, beyond_m = self._corner_rows[:u], self._residual_m[:u]
         self._frame.node_rows(self._corners.node[:u], beyond_m, rows)
-        place_points(self._places, points, rows, (self.reduced.mesh.vertices_m, beyond_m, motion[1]), out)
+        place_points(self._places, points, rows, (rest_m, beyond_m, motion[1]), out)
 
     def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Do as `PointCompliance.add_residual`."""

@@ -9,15 +9,15 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray, FloatArray
 from trocar.services.mechanics.bodies.duct import DuctBody
-from trocar.services.mechanics.bodies.duct_loads import DuctLoads, loads_at
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, DuctMotion, hold_force, loads_at
+from trocar.services.mechanics.bodies.wall_end import EndingWall, LaggingModes, end_wall_step
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
 from trocar.services.mechanics.reduction.nonlinear.membrane_polynomial import MembranePolynomial
 from trocar.services.mechanics.reduction.softened_wall.load_pattern import GAIN
-from trocar.services.mechanics.reduction.softened_wall.pattern_change import change_pattern
 from trocar.services.mechanics.reduction.softened_wall.softened_wall import SoftenedWall
-from trocar.services.mechanics.reduction.viscoelastic import NEVER, ViscousModes
+from trocar.services.mechanics.reduction.viscoelastic import NEVER, ViscousModes, add_viscous_force
 from trocar.services.mechanics.reduction.wall_step.energy_tank import MOST_OWED, settle_step
 from trocar.services.mechanics.reduction.wall_step.implicit_step import (
     CREDIT_J,
@@ -29,7 +29,6 @@ from trocar.services.mechanics.reduction.wall_step.implicit_step import (
     energy_and_loss,
     held_force,
     pushes,
-    relax_wall,
     replace_terms,
     wall_at,
     wall_energy,
@@ -39,21 +38,20 @@ from trocar.services.mechanics.reduction.wall_step.lagging_energy import conjuga
 FADE_S = 0.25
 """Time in which all of a term fades out or in: the change that a hand feels, newtons, then stays far below a rig's
 limit on the rate of forces."""
-_HOLD, _SETTLE, _END = range(3)
-"""Stages of a step."""
 
 
 class WallTerms:
-    """Terms that effects bring, and their one step.
+    """Terms that effects bring, and their one step, with the relaxation of the wall.
 
-    Effects with a term take turns in its stages, `hold`, `settle` and `end_step`: in each step the first that calls one
-    acts, for all. So any of them may rest.
+    In each step they are called once, whatever effects there are: first `hold_relaxed` and `hold`, then `settle`, last
+    `end_step`.
 
     Attributes:
         samples, polynomial, softened: what the terms are made of, None where there is none; taken on before the first
             step.
         is_kept: bool. Whether an effect tells `state_arrays` already.
         lost_j: float. Energy that steps have lost so far, and changes of terms.
+        held_relaxed: (r,) float64. What `hold_relaxed` held last: state of the effect that calls it.
     """
 
     def __init__(self, duct: DuctBody) -> None:
@@ -64,8 +62,9 @@ class WallTerms:
         self._step: WallStep | None = None
         self._held, self._held_lagging = np.zeros((2, n_modes))
         self._scratch, self._acts = np.zeros((2, n_modes)), False
-        self._no_lag, self._stiffness = np.zeros((0, n_modes)), duct.reduced.basis.omega_rad_s**2
-        self._stage, self._decay = _END, (0.0, np.zeros(0))
+        self._stiffness = duct.reduced.basis.omega_rad_s**2
+        self._own_n, self.held_relaxed = np.zeros_like(duct.load_force_n), np.zeros(n_modes)
+        self._ending: tuple[EndingWall, LaggingModes] | None = None
         self._gain_dt_s = np.zeros(1)  # of the step whose gain is in the terms' rows: it goes back with them
         self._to_fade, self._is_fading = {"membrane": 0.0, "pattern": 0.0}, False
         self.is_kept, self.lost_j = False, 0.0
@@ -83,38 +82,53 @@ class WallTerms:
             self._step.books[LAGGED] = -self._lagging_j()
         return self._step
 
-    def _enters(self, stage: int) -> bool:
-        """Enter a stage; False where another effect has entered it already."""
-        is_first, self._stage = stage != self._stage, stage
-        return is_first
-
     def hold(self, dt_s: float) -> None:
         """Hold the mean force of the step that begins: call it when all other loads on the modes are there."""
         duct, step = self._duct, self.step
         if dt_s != self._gain_dt_s[0]:
             step.take_gain(duct.held_gain)
             self._gain_dt_s[0] = dt_s
-        if self._enters(_HOLD):
-            self._acts = hold_terms(
-                step.address, duct.loads_address, duct.free_end_parts, (self._held_lagging, self._held), self._scratch
-            )
+        self._acts = hold_terms(
+            step.address, duct.loads_address, duct.free_end_parts, (self._held_lagging, self._held), self._scratch
+        )
 
     def settle(self, clearance_m: Callable[[], float], dt_s: float) -> None:
         """Correct a step in which contacts changed, see `settle_step`, and let terms fade."""
-        if self._enters(_SETTLE):
-            step = self.step
-            self.lost_j += settle_step(step, self._held, self._duct, clearance_m) if self._acts else 0.0
-            self.lost_j += self._fade(dt_s) if self._is_fading else 0.0
+        if self._acts:
+            self.lost_j += settle_step(self.step, self._held, self._duct, clearance_m)
+        if self._is_fading:
+            self.lost_j += self._fade(dt_s)
+
+    def hold_relaxed(self) -> None:
+        """Hold what the linear modes have relaxed over the step that begins."""
+        viscous = self._duct.viscous
+        if viscous is not None:
+            modes = viscous.stiffness, viscous.g, viscous.d
+            hold_relaxed(self._duct.motion_address, modes, self.held_relaxed, self._scratch[0])
 
     def end_step(self, dt_s: float) -> None:
-        """Let the terms relax, if the wall does, and the pattern follow the contact forces."""
-        if self._enters(_END):
-            duct, step = self._duct, self.step
-            if duct.viscous is not None and (self._acts or step.lag.any()):
-                if dt_s != self._decay[0]:
-                    self._decay = dt_s, np.exp(-dt_s / np.array(duct.viscous.series.tau_s))
-                relax_wall(step.address, duct.q_start, duct.state.q, self._decay[1])
-            self.lost_j += self._follow_contacts(dt_s)
+        """Let all that lags follow, if the wall relaxes, and the pattern follow the contact forces."""
+        duct, loads = self._duct, self._duct.viscous_loads
+        if self._ending is None:
+            self._ending = self._find_ending()
+        if duct.viscous is not None:
+            duct.viscous.begin_step(dt_s)
+        if loads is not None:
+            loads.begin_step(dt_s)
+        lost_j, relaxed_j = end_wall_step(*self._ending, self._own_n, self._acts, dt_s)
+        self.lost_j += lost_j
+        if duct.viscous is not None:
+            duct.viscous.dissipated_j += relaxed_j
+        if loads is not None:
+            loads.book_step(duct.reduced.residual.store)
+
+    def _find_ending(self) -> tuple[EndingWall, LaggingModes]:
+        duct, softened, loads = self._duct, self.softened, self._duct.viscous_loads
+        viscous = ViscousModes(duct.reduced.basis.omega_rad_s, NEVER) if duct.viscous is None else duct.viscous
+        of_softening = Address(0) if softened is None else softened.address
+        of_loads = Address(0) if loads is None else loads.address
+        addresses: EndingWall = duct.loads_address, duct.sections, self.step.address, of_softening, of_loads
+        return addresses, (viscous.stiffness, viscous.g, viscous.decay, viscous.d)
 
     def fade(self, term: Literal["membrane", "pattern"], part: float) -> None:
         """Begin to fade a term until this part of it is gone."""
@@ -136,18 +150,6 @@ class WallTerms:
         before_j = float(step.books[ENERGY])
         replace_terms(step.address, self._duct.state.q)
         return before_j - float(step.books[ENERGY])
-
-    def _follow_contacts(self, dt_s: float) -> float:
-        """Let the pattern follow the contact forces; return the energy lost thereby."""
-        duct, softened = self._duct, self.softened
-        if softened is None or self.step.pattern.faded[0] == 1.0:
-            return 0.0
-        n = duct.n_contact_loads
-        nodes = duct.load_nodes[:n]
-        loads = nodes, duct.turn_to_wall(nodes, duct.load_force_n[:n])
-        lagging = duct.state.q, self._no_lag if duct.viscous is None else duct.viscous.d
-        addresses = softened.address, self.step.address
-        return float(change_pattern(*addresses, loads, duct.contact_impulse, lagging, dt_s))
 
     def compile_rare_kernels(self) -> None:
         """Compile the kernels of a step that is corrected, and of terms that fade; no step may follow."""
@@ -204,6 +206,20 @@ def terms_of(duct: DuctBody) -> WallTerms:
         duct.terms = WallTerms(duct)
     terms: WallTerms = duct.terms
     return terms
+
+
+@kernel
+def hold_relaxed(
+    address: Address[DuctMotion], modes: tuple[FloatArray, FloatArray, FloatArray], held: FloatArray, force: FloatArray
+) -> None:
+    """Hold what modes have relaxed; ``modes`` are stiffness (r,), shares (t,) and the coordinates that lag (t, r).
+
+    ``held`` (r,) is that of the last step, which is overwritten; ``force`` (r,) is scratch.
+    """
+    for mode in range(force.shape[0]):
+        force[mode] = 0.0
+    add_viscous_force(*modes, force)
+    hold_force(address, held, force)
 
 
 @kernel

@@ -24,6 +24,7 @@ from trocar.services.mechanics.collision.wall_bounds import (
     WallBounds,
     bound_between,
     bound_motion,
+    copy_reference,
     set_reference,
     wall_bounds,
 )
@@ -255,7 +256,7 @@ def request_node(wall: PlacedWall, node: int) -> None:
 def copy_configuration(wall: PlacedWall, other: PlacedWall) -> None:
     """Copy the configuration of another wall of the same duct, and the positions of its placed nodes."""
     wall.configuration, wall.n_loads, wall.n_requested, wall.n_placed = other.configuration, other.n_loads, 0, 0
-    set_reference(wall.bounds, other.bounds.reference)
+    copy_reference(other.bounds, wall.bounds)
     for load in range(other.n_loads):
         wall.load_node[load] = other.load_node[load]
         put_row(wall.load_force, load, row(other.load_force, load))

@@ -18,7 +18,7 @@ from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Struct
 from trocar.services.mechanics.compiled.vectors import copy_rows, row, squared_distance
 from trocar.services.mechanics.reduction.large_rotations.warping import warped_tube
-from trocar.services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube, string_axis
+from trocar.services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube, string_axis, take_axis
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 
 _BLOCKS = 8
@@ -104,10 +104,23 @@ def _bound_by_blocks(bounds: WallBounds, reference: FloatArray, q: FloatArray) -
 @kernel
 def set_reference(bounds: WallBounds, q: FloatArray) -> None:
     """Count from these coordinates (r,)."""
-    for mode in range(q.shape[0]):
-        bounds.reference[mode] = q[mode]
     if bounds.turn.shape[0] > 0:
         string_axis(bounds.tube, q)
+    _refer_to(bounds, q)
+
+
+@kernel
+def copy_reference(source: WallBounds, bounds: WallBounds) -> None:
+    """Count from the reference of another wall of the same duct."""
+    if bounds.turn.shape[0] > 0:
+        take_axis(source.tube, source.reference, bounds.tube)
+    _refer_to(bounds, source.reference)
+
+
+@kernel
+def _refer_to(bounds: WallBounds, q: FloatArray) -> None:
+    for mode in range(q.shape[0]):
+        bounds.reference[mode] = q[mode]
     copy_rows(bounds.tube.turn, bounds.turn, bounds.turn.shape[0])
     copy_rows(bounds.tube.centre, bounds.centre, bounds.turn.shape[0])
 

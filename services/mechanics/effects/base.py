@@ -67,6 +67,9 @@ class Effect:
     """Whether a quality level may leave it out for a while without a jump: it keeps no state from step to step, or it
     fades (`rest`, `wake`)."""
 
+    acts_for_all: ClassVar[bool] = False
+    """Whether in the stages of a step the first of those effects that say so acts for all of them."""
+
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
         self.scene = scene
@@ -197,6 +200,7 @@ STAGES = (
     "after_solve",
 )
 """Stages in order: those up to `prepare` run once, the others in every step."""
+STEP_STAGES = STAGES[STAGES.index("prepare") + 1 :]
 
 
 def acts_in(effect: Effect | type[Effect], stage: str) -> bool:
@@ -212,6 +216,10 @@ def act(stages: Mapping[str, tuple[Effect, ...]], stage: str, world: World, dt_s
 
 
 def by_stage(effects: Iterable[Effect]) -> dict[str, tuple[Effect, ...]]:
-    """Return for each stage the effects that act in it, in the order given."""
+    """Return for each stage the effects that act in it, in the order given; see `Effect.acts_for_all`."""
     every = tuple(effects)
-    return {stage: tuple(e for e in every if acts_in(e, stage)) for stage in STAGES}
+    acting = {stage: [e for e in every if acts_in(e, stage)] for stage in STAGES}
+    for stage in STEP_STAGES:
+        for effect in [e for e in acting[stage] if e.acts_for_all][1:]:
+            acting[stage].remove(effect)
+    return {stage: tuple(found) for stage, found in acting.items()}

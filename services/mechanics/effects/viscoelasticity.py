@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray
+from trocar.services.mechanics.bodies.wall_terms import terms_of
 from trocar.services.mechanics.effects.base import Effect
 from trocar.services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
 from trocar.services.mechanics.reduction.viscous_loads import ViscousLoads
@@ -41,15 +42,13 @@ class Viscoelasticity(Effect):
         """Start in the relaxed state."""
         duct, series = world.duct, self.settings.series()
         self._modes = duct.viscous = ViscousModes(duct.reduced.basis.omega_rad_s, series)
-        self._held, self._force = np.zeros((2, duct.held_force.size))
         self._loads = ViscousLoads(series, duct.reduced.mesh.n_vertices, len(duct.load_nodes))
+        duct.viscous_loads, self._terms = self._loads, terms_of(duct)
         self._motion_m = np.zeros_like(duct.motion_m)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Load the modes with the relaxed part of the wall's stress."""
-        self._force[:] = 0.0
-        self._modes.add_force(self._force)
-        world.duct.hold(self._held, self._force)
+        self._terms.hold_relaxed()
 
     def add_motion(self, world: World, dt_s: float) -> None:
         """Add the displacement by lagging loads to the free motion, which is without contact forces."""
@@ -57,26 +56,17 @@ class Viscoelasticity(Effect):
         lasting, motion_m = self._loads.lasting, self._motion_m[: len(nodes)]
         if len(nodes) and len(lasting[0]):
             motion_m[:] = 0.0
-            loads = lasting[0], world.duct.turn_to_world(*lasting)
-            world.duct.add_load_displacement(nodes, weights, loads, motion_m)
+            world.duct.add_load_displacement(nodes, weights, lasting, motion_m)
             world.system.add_duct_motion(motion_m)
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Relax the lagging state towards the wall's present state."""
-        duct = world.duct
-        self._modes.relax(duct.state.q, dt_s)
-        if duct.terms is not None:  # before lagging loads are written over the contact forces
-            duct.terms.end_step(dt_s)
-        n, forces = duct.n_contact_loads, duct.load_force_n
-        forces[:n] = duct.turn_to_wall(duct.load_nodes[:n], forces[:n])
-        n = self._loads.relax((duct.load_nodes, forces, n), duct.reduced.residual.store, dt_s)
-        forces[:n] = duct.turn_to_world(duct.load_nodes[:n], forces[:n])
-        duct.replace_loads(n)
+        self._terms.end_step(dt_s)
         self._dissipated_j = self._modes.dissipated_j + self._loads.dissipated_j
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the lagging coordinates and loads."""
-        return self._modes.d, self._held, *self._loads.state_arrays()
+        return self._modes.d, self._terms.held_relaxed, *self._loads.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:
         """Return the energy in the Prony springs less that of the instantaneous modulus, which the duct reports."""

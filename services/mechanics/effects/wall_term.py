@@ -16,7 +16,7 @@ class WallTerm(Effect):
     of all of them.
     """
 
-    of_wall = True
+    of_wall, acts_for_all = True, True
 
     def take_terms(self, world: World) -> WallTerms:
         """Return the terms of the wall."""
@@ -34,8 +34,9 @@ class WallTerm(Effect):
         self._terms.settle(lambda: world.clearance_m, dt_s)
 
     def after_solve(self, world: World, dt_s: float) -> None:
-        """Let the wall's terms relax, and the pattern of the loads follow these."""
-        self._terms.end_step(dt_s)
+        """Let the pattern of the loads follow these; a wall that relaxes does that itself, see `Viscoelasticity`."""
+        if world.duct.viscous is None:
+            self._terms.end_step(dt_s)
 
     @property
     def dissipated_j(self) -> float:

@@ -55,43 +55,50 @@ class ViscousModes:
 
     Attributes:
         series: PronySeries
+        stiffness: (r,) float64. Of the modes, at once.
         g: (k,) float64. Shares of the terms.
+        decay: (k,) float64. What is left of a lag at the end of the step.
         long_term: float. Share that never relaxes, 1 - sum g.
         d: (k, r) float64. Lagging coordinates; d' = (q - d) / tau.
         dissipated_j: float. Energy lost to relaxation so far.
     """
 
     def __init__(self, omega_rad_s: FloatArray, series: PronySeries) -> None:
-        self._stiffness, self.series = omega_rad_s**2, series
+        self.stiffness: FloatArray = omega_rad_s**2
+        self.series = series
         self.g: FloatArray = np.array(series.g)
         self.long_term = 1.0 - float(self.g.sum())
         self._tau_s = np.array(series.tau_s)
         self._dt_s = float("nan")
-        self._decay = np.ones(self.g.size)
+        self.decay: FloatArray = np.ones(self.g.size)
         self.d: FloatArray = np.zeros((self.g.size, omega_rad_s.size))
         self.dissipated_j = 0.0
 
     def add_force(self, out: FloatArray) -> None:
         """Add omega^2 sum_k g_k d_k to the modal force ``out`` (r,)."""
-        add_viscous_force(self._stiffness, self.g, self.d, out)
+        add_viscous_force(self.stiffness, self.g, self.d, out)
 
     def force(self) -> FloatArray:
         """Return omega^2 sum_k g_k d_k (r,)."""
-        force: FloatArray = self._stiffness * (self.g @ self.d)
+        force: FloatArray = self.stiffness * (self.g @ self.d)
         return force
 
     def relax(self, q: FloatArray, dt_s: float) -> None:
         """Let the lagging coordinates follow q (r,) for ``dt_s``."""
+        self.begin_step(dt_s)
+        self.dissipated_j += relax_coordinates(self.stiffness, self.g, self.decay, q, self.d)
+
+    def begin_step(self, dt_s: float) -> None:
+        """Prepare ``decay`` for the end of a step of this length."""
         if dt_s != self._dt_s:
-            self._decay = np.exp(-dt_s / self._tau_s)
+            self.decay[:] = np.exp(-dt_s / self._tau_s)
             self._dt_s = dt_s
-        self.dissipated_j += relax_coordinates(self._stiffness, self.g, self._decay, q, self.d)
 
     def stored_energy_j(self, q: FloatArray) -> float:
         """Return the elastic energy of a viscoelastic wall at q (r,): springs of all terms and the long-term one."""
         long_term = self.long_term * q**2
         terms = np.sum(self.g[:, None] * (q - self.d) ** 2, axis=0)
-        return 0.5 * float(self._stiffness @ (long_term + terms))
+        return 0.5 * float(self.stiffness @ (long_term + terms))
 
 
 @kernel

@@ -14,6 +14,7 @@ import numpy as np
 from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import copy_rows
 from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
 from trocar.services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
 from trocar.services.mechanics.reduction.viscoelastic import PronySeries, follow
@@ -35,6 +36,7 @@ class LaggingLoads(Struct):
     node: Annotated[IntArray, "m"]
     lag: Annotated[FloatArray, "t", "m", 3]  # h
     total: Annotated[FloatArray, "m", 3]  # sum of g h in the next step
+    lasting: Annotated[FloatArray, "m", 3]  # the same, which a wall whose sections turn turns to world axes
     load: Annotated[FloatArray, "m", 3]  # p of the last tick
     pressed: Annotated[LongArray, "m"]  # scratch
     slot: Annotated[IntArray, "n"]  # scratch, all -1
@@ -47,7 +49,7 @@ lagging_at = reader(LaggingLoads)
 class ViscousLoads:
     """Lagging loads of up to ``capacity`` nodes of a wall of ``n_nodes``.
 
-    After each step `relax` replaces the contact loads f by the loads p that act through the residual. Without its
+    After each step `relax_loads` replaces the contact loads f by the loads p that act through the residual. Without its
     contacts the wall is displaced by R times ``lasting``.
 
     Attributes:
@@ -64,31 +66,29 @@ class ViscousLoads:
 
     @property
     def lasting(self) -> tuple[IntArray, FloatArray]:
-        """Nodes (c,) and their lagging loads (c, 3) in N."""
-        count = int(self._arrays.count[0])
-        return self._arrays.node[:count], self._arrays.total[:count]
+        """Nodes (c,) and their lagging loads (c, 3) in N, along world axes."""
+        count = self._arrays.count.item(0)
+        return self._arrays.node[:count], self._arrays.lasting[:count]
 
-    def relax(self, loads: tuple[IntArray, FloatArray, int], store: BlockStore, dt_s: float) -> int:
-        """Let the lag follow for ``dt_s``, and write p over the loads; returns how many there are.
+    @property
+    def address(self) -> Address[LaggingLoads]:
+        """The nodes that lag, for `relax_loads`."""
+        return self._arrays.address
 
-        Args:
-            loads: (nodes (l,) int32, forces (l, 3) float64, number of them). Contact forces on the wall in N, each node
-                once, in place.
-            store: BlockStore. Blocks of the residual.
-        """
-        arrays = self._arrays
-        if loads[2] == 0 and arrays.count[0] == 0:
-            return 0
+    def begin_step(self, dt_s: float) -> None:
+        """Prepare for `relax_loads` at the end of a step of this length."""
         if dt_s != self._dt_s:
-            arrays.decay[:] = np.exp(-dt_s / self._tau_s)
+            self._arrays.decay[:] = np.exp(-dt_s / self._tau_s)
             self._dt_s = dt_s
-        count = int(relax_loads(arrays.address, loads[0], loads[1], loads[2]))
-        self._since_s += dt_s
+
+    def book_step(self, store: BlockStore) -> None:
+        """Count a step whose loads have relaxed; ``store`` are the blocks of the residual."""
+        self._since_s = self._since_s + self._dt_s if self._arrays.count.item(0) > 0 else 0.0
         if self._since_s >= BOOKED_EVERY * self._tau_s.min():
+            arrays = self._arrays
             lost = arrays.g * np.expm1(2.0 * self._since_s / self._tau_s)
             self.dissipated_j += 0.5 * spread_energy(arrays.address, store.address, lost, 0.0)
             self._since_s = 0.0
-        return count
 
     def extra_energy_j(self, store: BlockStore) -> float:
         """Return what the springs of all terms store less p R p / 2, which the duct reports."""
@@ -98,12 +98,16 @@ class ViscousLoads:
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
         arrays = self._arrays
-        return arrays.node, arrays.lag, arrays.total, arrays.load, arrays.count
+        return arrays.node, arrays.lag, arrays.total, arrays.lasting, arrays.load, arrays.count
 
 
 @kernel
 def relax_loads(address: Address[LaggingLoads], nodes: IntArray, forces: FloatArray, n_loads: int) -> int:
-    """Take loads on, write p over them, let the lag follow p, and forget what is too small; returns how many p."""
+    """Take loads on, write p over them, let the lag follow p, and forget what is too small; returns how many p.
+
+    Contact forces (l, 3) on nodes (l,), each node once, of which the first ``n_loads`` count, are along the axes of the
+    wall; what is left of the loads is in ``total``.
+    """
     lagging = lagging_at(address)
     count = _take_loads(lagging, nodes, forces, n_loads)
     listed = _list_loads(lagging, count, nodes, forces)
@@ -118,6 +122,7 @@ def relax_loads(address: Address[LaggingLoads], nodes: IntArray, forces: FloatAr
                 ahead = 0.5 * (1.0 + lagging.decay[term]) * (lagging.load[place, axis] - lagging.lag[term, place, axis])
                 lagging.total[place, axis] += lagging.g[term] * (lagging.load[place, axis] - ahead)
     lagging.count[0] = _forget(lagging, count)
+    copy_rows(lagging.total, lagging.lasting, lagging.count[0])
     return listed
 
 

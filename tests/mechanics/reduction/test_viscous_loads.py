@@ -6,7 +6,7 @@ import pytest
 from tests.mechanics.reduction.residual.node_blocks import between_nodes
 from trocar.services.mechanics.reduction.residual.blocks import Residual
 from trocar.services.mechanics.reduction.viscoelastic import PronySeries
-from trocar.services.mechanics.reduction.viscous_loads import MOST_LEFT, ViscousLoads
+from trocar.services.mechanics.reduction.viscous_loads import MOST_LEFT, ViscousLoads, relax_loads
 
 DT_S, N_NODES = 1e-3, 50
 SERIES = PronySeries((0.2, 0.15, 0.1), (0.1, 1.0, 10.0))
@@ -31,7 +31,9 @@ class Pressed:
         """Return p (n, 3) on all nodes."""
         k = len(nodes)
         self.nodes[:k], self.force[:k] = nodes, force
-        count = self.loads.relax((self.nodes, self.force, k), self.residual.store, dt_s)
+        self.loads.begin_step(dt_s)
+        count = relax_loads(self.loads.address, self.nodes, self.force, k)
+        self.loads.book_step(self.residual.store)
         acting = np.zeros((N_NODES, 3))
         np.add.at(acting, self.nodes[:count], self.force[:count])
         return acting

@@ -26,7 +26,6 @@ from trocar.services.mechanics.reduction.large_rotations.warping_kernels import 
     node_positions,
     node_rotations,
     node_rows,
-    string_rates,
     turn_vectors,
     update_axis,
 )
@@ -97,7 +96,6 @@ class SectionFrame:
 
     def __init__(self, warp: TubeWarp) -> None:
         self._tube = warped_tube(warp, warp.turn.shape[2])
-        self._rates_are_stale = True
 
     @property
     def address(self) -> Address[WarpedTube]:
@@ -116,13 +114,7 @@ class SectionFrame:
 
     def update(self, q: FloatArray) -> None:
         """Integrate the axis for modal coordinates q (r,)."""
-        if update_axis(self._tube.address, q):
-            self._rates_are_stale = True
-
-    def _refresh_rates(self) -> None:
-        if self._rates_are_stale:
-            string_rates(self._tube.address)
-            self._rates_are_stale = False
+        update_axis(self._tube.address, q)
 
     def node_positions(self, nodes: IntArray, extra_m: FloatArray, out: FloatArray) -> None:
         """Write the positions of ``nodes`` (k,) into ``out`` (k, 3), in m.
@@ -137,7 +129,6 @@ class SectionFrame:
 
         ``extra_m`` (k, 3) is as for `node_positions`: a section that turns moves what it carries along.
         """
-        self._refresh_rates()
         node_rows(self._tube.address, nodes, extra_m, out)
 
     def turn_vectors(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:

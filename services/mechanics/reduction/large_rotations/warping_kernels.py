@@ -6,8 +6,9 @@ import math
 from typing import Annotated
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
-from trocar.services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
+from trocar.services.mechanics.compiled import kernel, summing_kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import copy_rows
 
 
 class WarpedTube(Struct):
@@ -24,8 +25,9 @@ class WarpedTube(Struct):
     turn: Annotated[FloatArray, "s", 3]
     centre: Annotated[FloatArray, "s", 3]
     rate: Annotated[FloatArray, "s", 3, "r"]  # derivatives of the centres
-    small: Annotated[FloatArray, 9, 3]  # scratch: a few vectors, rows at a section, rows at a node
+    small: Annotated[FloatArray, 12, 3]  # scratch: a few matrices and vectors, and turns per modal coordinate
     between: Annotated[FloatArray, 3, "r"]
+    has_rates: bool = False  # whether those derivatives are of this state
 
 
 tube_at = reader(WarpedTube)
@@ -82,11 +84,12 @@ def interpolate_turn(turn: FloatArray, segment: int, fraction: float, out: Float
 
 @summing_kernel
 def _product(modes: FloatArray, q: FloatArray, out: FloatArray) -> None:
-    for i in range(3):
-        total = 0.0
-        for mode in range(q.shape[0]):
-            total += modes[i, mode] * q[mode]
-        out[i] = total
+    x, y, z = 0.0, 0.0, 0.0
+    for mode in range(q.shape[0]):
+        x += modes[0, mode] * q[mode]
+        y += modes[1, mode] * q[mode]
+        z += modes[2, mode] * q[mode]
+    out[0], out[1], out[2] = x, y, z
 
 
 @kernel
@@ -106,41 +109,36 @@ def _rotate_back(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def _add_turned_rates(A: FloatArray, modes: FloatArray, arm: FloatArray, out: FloatArray) -> None:
-    """Add (A modes) x arm to ``out``, all per modal coordinate (3, r): what a turn does to a point."""
-    for mode in range(out.shape[1]):
-        x = A[0, 0] * modes[0, mode] + A[0, 1] * modes[1, mode] + A[0, 2] * modes[2, mode]
-        y = A[1, 0] * modes[0, mode] + A[1, 1] * modes[1, mode] + A[1, 2] * modes[2, mode]
-        z = A[2, 0] * modes[0, mode] + A[2, 1] * modes[1, mode] + A[2, 2] * modes[2, mode]
-        out[0, mode] += y * arm[2] - z * arm[1]
-        out[1, mode] += z * arm[0] - x * arm[2]
-        out[2, mode] += x * arm[1] - y * arm[0]
+def _turn_of_arm(A: FloatArray, arm: FloatArray, out: FloatArray) -> None:
+    """Write the map (3, 3) from a change w of a turn to what it moves a point by: (A w) x arm."""
+    for j in range(3):
+        x, y, z = A[0, j], A[1, j], A[2, j]
+        out[0, j] = y * arm[2] - z * arm[1]
+        out[1, j] = z * arm[0] - x * arm[2]
+        out[2, j] = x * arm[1] - y * arm[0]
 
 
 @kernel
 def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
-    """Add R modes, (3, 3) by (3, r), to ``out``."""
+    """Add R modes, (3, 3) by (3, r), to ``out``: each row by itself, so that several modes are done at once."""
     for i in range(3):
+        x, y, z = R[i, 0], R[i, 1], R[i, 2]
         for mode in range(out.shape[1]):
-            out[i, mode] += R[i, 0] * modes[0, mode] + R[i, 1] * modes[1, mode] + R[i, 2] * modes[2, mode]
+            out[i, mode] += x * modes[0, mode] + y * modes[1, mode] + z * modes[2, mode]
 
 
 @kernel
 def update_axis(address: Address[WarpedTube], q: FloatArray) -> bool:
-    """Do what `string_axis` does; False where it has been done at these coordinates already."""
-    tube = tube_at(address)
-    for mode in range(q.shape[0]):
-        if tube.q[mode] != q[mode]:
-            string_axis(tube, q)
-            return True
-    return False
+    """String the stations of a tube together at coordinates q (r,); False where that has been done already."""
+    return string_axis(tube_at(address), q)
 
 
 @kernel
-def string_axis(tube: WarpedTube, q: FloatArray) -> None:
-    """String the stations together at coordinates q (r,), writing their turns and centres."""
-    for mode in range(q.shape[0]):
-        tube.q[mode] = q[mode]
+def string_axis(tube: WarpedTube, q: FloatArray) -> bool:
+    """Do as `update_axis`: write the turns and centres of the stations, unless they are those at q (r,)."""
+    if _is_strung(tube, q):
+        return False
+    _begin_axis(tube, q)
     centres, turn_modes, stretch = tube.rest_centre, tube.turn_modes, tube.stretch_modes
     turn, centre, small = tube.turn, tube.centre, tube.small
     R, middle, piece, step = small[:3], small[6], small[7], small[8]
@@ -157,15 +155,44 @@ def string_axis(tube: WarpedTube, q: FloatArray) -> None:
         _rotate(R, piece, step)
         for i in range(3):
             centre[k + 1, i] = centre[k, i] + step[i]
+    return True
 
 
 @kernel
-def string_rates(address: Address[WarpedTube]) -> None:
+def take_axis(source: WarpedTube, q: FloatArray, tube: WarpedTube) -> bool:
+    """Do as `string_axis`, by copying the axis of another tube of the same duct if that has been strung at q (r,)."""
+    if _is_strung(tube, q):
+        return False
+    if not _is_strung(source, q):
+        return string_axis(tube, q)
+    _begin_axis(tube, q)
+    copy_rows(source.turn, tube.turn, tube.turn.shape[0])
+    copy_rows(source.centre, tube.centre, tube.centre.shape[0])
+    return True
+
+
+@kernel
+def _begin_axis(tube: WarpedTube, q: FloatArray) -> None:
+    tube.has_rates = False
+    for mode in range(q.shape[0]):
+        tube.q[mode] = q[mode]
+
+
+@kernel
+def _is_strung(tube: WarpedTube, q: FloatArray) -> bool:
+    is_strung = True
+    for mode in range(q.shape[0]):
+        is_strung = is_strung and tube.q[mode] == q[mode]
+    return is_strung
+
+
+@kernel
+def _string_rates(tube: WarpedTube) -> None:
     """Write the derivatives of the centres by q, for the turns and centres that there are."""
-    tube = tube_at(address)
+    tube.has_rates = True
     turn_modes, stretch, turn, centre, rate = tube.turn_modes, tube.stretch_modes, tube.turn, tube.centre, tube.rate
     small, between = tube.small, tube.between
-    R, A, middle, step = small[:3], small[3:6], small[6], small[8]
+    R, A, middle, step, moved = small[:3], small[3:6], small[6], small[8], small[9:]
     rate[0] = 0.0
     for k in range(stretch.shape[0]):
         interpolate_turn(turn, k, 0.5, middle)
@@ -176,7 +203,8 @@ def string_rates(address: Address[WarpedTube]) -> None:
             for mode in range(between.shape[1]):
                 between[i, mode] = 0.5 * (turn_modes[k, i, mode] + turn_modes[k + 1, i, mode])
                 rate[k + 1, i, mode] = rate[k, i, mode]
-        _add_turned_rates(A, between, step, rate[k + 1])
+        _turn_of_arm(A, step, moved)
+        _add_rotated(moved, between, rate[k + 1])
         _add_rotated(R, stretch[k], rate[k + 1])
 
 
@@ -206,14 +234,12 @@ def place_node(tube: WarpedTube, node: int, extra: FloatArray, out: FloatArray) 
 @kernel
 def node_rows(address: Address[WarpedTube], nodes: IntArray, extra: FloatArray, out: FloatArray) -> None:
     """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q; ``extra`` (k, 3) rides along."""
-    _node_rows(tube_at(address), nodes, extra, out)
-
-
-@inlined_kernel
-def _node_rows(tube: WarpedTube, nodes: IntArray, extra: FloatArray, out: FloatArray) -> None:
+    tube = tube_at(address)
+    if not tube.has_rates:
+        _string_rates(tube)
     segment, fraction, arm, local, q = tube.segment, tube.fraction, tube.arm, tube.local, tube.q
     turn, rate, turn_modes, small, between = tube.turn, tube.rate, tube.turn_modes, tube.small, tube.between
-    R, A, vector, carried = small[:3], small[3:6], small[6], small[7]
+    R, A, vector, carried, moved = small[:3], small[3:6], small[6], small[7], small[9:]
     for index in range(nodes.shape[0]):
         node = nodes[index]
         k, t = segment[node], fraction[node]
@@ -227,7 +253,8 @@ def _node_rows(tube: WarpedTube, nodes: IntArray, extra: FloatArray, out: FloatA
                 between[i, mode] = (1.0 - t) * turn_modes[k, i, mode] + t * turn_modes[k + 1, i, mode]
                 out[index, i, mode] = (1.0 - t) * rate[k, i, mode] + t * rate[k + 1, i, mode]
         _rotate(R, carried, vector)
-        _add_turned_rates(A, between, vector, out[index])
+        _turn_of_arm(A, vector, moved)
+        _add_rotated(moved, between, out[index])
         _add_rotated(R, local[node], out[index])
 
 

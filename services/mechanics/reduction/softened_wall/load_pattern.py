@@ -188,12 +188,17 @@ def pattern_energy(pattern: Pattern, s: float) -> float:
 
 
 @kernel
-def add_pattern_slope(pattern: Pattern, s: float, weights: tuple[float, float], out: FloatArray) -> None:
-    """Add the slope at ``s`` to ``out`` (1,), and the second derivative to that of the pattern, by ``weights``."""
-    if pattern.numbers[GAIN] != 0.0:
-        phi, _, slope = evaluate(pattern, s)
-        out[0] -= weights[0] * _acting(pattern) * phi
-        pattern.tangent[0] -= weights[1] * _acting(pattern) * slope
+def add_pattern_slope(pattern: Pattern, s: float, weights: tuple[float, float], out: FloatArray) -> float:
+    """Add the slope at ``s`` to ``out`` (1,), and the second derivative to that of the pattern, by ``weights``.
+
+    Return the potential, as much of it as acts.
+    """
+    if pattern.numbers[GAIN] == 0.0:
+        return 0.0
+    phi, potential, slope = evaluate(pattern, s)
+    out[0] -= weights[0] * _acting(pattern) * phi
+    pattern.tangent[0] -= weights[1] * _acting(pattern) * slope
+    return _acting(pattern) * potential
 
 
 @kernel

@@ -39,20 +39,17 @@ from trocar.services.mechanics.reduction.softened_wall.load_pattern import (
     Pattern,
     add_mean_pattern_slope,
     add_pattern_slope,
-    pattern_energy,
 )
 from trocar.services.mechanics.reduction.viscoelastic import NEVER, PronySeries, follow
 from trocar.services.mechanics.reduction.wall_step.polynomial_membrane import (
     PolynomialMembrane,
     add_polynomial_slope,
     add_polynomial_tangent,
-    polynomial_energy,
 )
 from trocar.services.mechanics.reduction.wall_step.sampled_membrane import (
     SampledMembrane,
     add_membrane_slope,
     add_membrane_tangent,
-    membrane_energy,
 )
 
 POINTS = (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0))
@@ -76,8 +73,9 @@ CREDIT_J = 1e-9
 TANK_SHARE = 0.1
 """Largest content of the tank over the size of the stored energy, which may be below that of a linear wall; what steps
 lose beyond it is dissipated."""
-ENERGY, TANK, LAGGED = range(3)
-"""Places in the books."""
+ENERGY, TANK, LAGGED, OF_MEMBRANE = range(4)
+"""Places in the books: the energy where the last step ended, what steps have lost of it, the work of what lags, and how
+much of the energy is the membrane's."""
 
 
 class WallStep(Struct):
@@ -101,12 +99,13 @@ class WallStep(Struct):
     search: Annotated[Float32Array, "r"]
     image: Annotated[Float32Array, "r"]
     start: Annotated[FloatArray, "n"]  # state: readings where the step begins
+    start_slope: Annotated[FloatArray, "n"]  # state: the slope of the terms there
     at: Annotated[FloatArray, "n"]  # where it ends
     along: Annotated[FloatArray, "n"]
     searched: Annotated[FloatArray, "n"]
     place: Annotated[FloatArray, "n"]
     slope: Annotated[FloatArray, "n"]
-    books: Annotated[FloatArray, 3]  # state: the energy, what steps have lost of it, and the work of what lags
+    books: Annotated[FloatArray, 4]  # state
     known: Annotated[FloatArray, "r"]  # state: modal coordinates that the energy in the books is of
     g: Annotated[FloatArray, "t"]
     lag: Annotated[FloatArray, "t", "r"]  # state: slopes that follow that of the terms
@@ -146,7 +145,7 @@ class WallStep(Struct):
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        own = self.pull, self.before, self.books, self.known, self.start, self.lag, self.lagging
+        own = self.pull, self.before, self.books, self.known, self.start, self.start_slope, self.lag, self.lagging
         first = 3 * len(self.membrane.energy)
         of_pattern = self.rows[first:], self.offset
         return *own, *of_pattern, *self.membrane.state_arrays(), *self.pattern.state_arrays()
@@ -192,11 +191,14 @@ def place_pattern(wall: WallStep) -> None:
 @kernel
 def read_pattern(wall: WallStep, q: FloatArray) -> float:
     """Note anew, where a step begins at ``q`` (r,), what depends on the pattern; return the energy there."""
-    for i in range(3 * wall.membrane.energy.shape[0], wall.rows.shape[0]):
-        wall.start[i] = wall.offset[i]
+    first, last = 3 * wall.membrane.energy.shape[0], wall.rows.shape[0] - 1
+    for i in range(first, last + 1):
+        wall.start[i], wall.start_slope[i] = wall.offset[i], 0.0
         for mode in range(q.shape[0]):
             wall.start[i] += wall.rows[i, mode] * q[mode]
-    return _energy(wall, wall.start)
+    x, out, at_place = wall.start, wall.start_slope, (1.0, 0.0)
+    of_polynomial = add_polynomial_slope(wall.polynomial, x[first:last], at_place, out[first:last])
+    return wall.books[OF_MEMBRANE] + of_polynomial + add_pattern_slope(wall.pattern, x[last], at_place, out[last:])
 
 
 @kernel
@@ -221,7 +223,8 @@ def wall_energy(address: Address[WallStep], q: FloatArray) -> float:
     """Return the energy of all terms at modal coordinates (r,), in J."""
     wall = wall_at(address)
     _read(wall, q)
-    return _energy(wall, wall.place)
+    _begin_slope(wall)
+    return _add_every_slope(wall, (1.0, 0.0))[0]
 
 
 @kernel
@@ -255,14 +258,6 @@ def _read(wall: WallStep, q: FloatArray) -> None:
 
 
 @kernel
-def _energy(wall: WallStep, x: FloatArray) -> float:
-    """Return the energy at readings (n,)."""
-    first, last = 3 * wall.membrane.energy.shape[0], x.shape[0] - 1
-    total = membrane_energy(wall.membrane, x) + polynomial_energy(wall.polynomial, x[first:last])
-    return total + pattern_energy(wall.pattern, x[last])
-
-
-@kernel
 def _begin_slope(wall: WallStep) -> None:
     wall.slope[:] = 0.0
     wall.membrane.tangent[:] = 0.0
@@ -271,20 +266,24 @@ def _begin_slope(wall: WallStep) -> None:
 
 
 @kernel
-def _add_slope(wall: WallStep, weights: tuple[float, float]) -> None:
-    """Add the slope at the place, and the second derivatives, by ``weights``: of the terms but for the pattern."""
+def _add_slope(wall: WallStep, weights: tuple[float, float]) -> tuple[float, float]:
+    """Add the slope at the place, and the second derivatives, by ``weights``: of the terms but for the pattern.
+
+    Return the energies of the membrane and of the polynomial, in J.
+    """
     x, out = wall.place, wall.slope
     first, last = 3 * wall.membrane.energy.shape[0], x.shape[0] - 1
-    add_membrane_slope(wall.membrane, x, weights, out)
-    add_polynomial_slope(wall.polynomial, x[first:last], weights, out[first:last])
+    of_membrane = add_membrane_slope(wall.membrane, x, weights, out)
+    return of_membrane, add_polynomial_slope(wall.polynomial, x[first:last], weights, out[first:last])
 
 
 @kernel
-def _add_every_slope(wall: WallStep, weights: tuple[float, float]) -> None:
-    """Add the same of all terms."""
+def _add_every_slope(wall: WallStep, weights: tuple[float, float]) -> tuple[float, float]:
+    """Add the same of all terms; return the energy of all, and of the membrane."""
     last = wall.place.shape[0] - 1
-    _add_slope(wall, weights)
-    add_pattern_slope(wall.pattern, wall.place[last], weights, wall.slope[last:])
+    of_membrane, of_polynomial = _add_slope(wall, weights)
+    of_pattern = add_pattern_slope(wall.pattern, wall.place[last], weights, wall.slope[last:])
+    return of_membrane + of_polynomial + of_pattern, of_membrane
 
 
 @kernel
@@ -347,8 +346,11 @@ def begin_step(wall: WallStep, q: FloatArray) -> float:
     """Note where a step begins, and return the energy there."""
     wall.known[:] = q
     _read(wall, q)
+    _begin_slope(wall)
+    energy, wall.books[OF_MEMBRANE] = _add_every_slope(wall, (1.0, 0.0))
     wall.start[:] = wall.place
-    return _energy(wall, wall.start)
+    wall.start_slope[:] = wall.slope
+    return energy
 
 
 @kernel
@@ -409,12 +411,9 @@ def relax_wall(address: Address[WallStep], q_start: FloatArray, q: FloatArray, d
     for mode in range(q.shape[0]):
         wall.books[LAGGED] += wall.lagging[mode] * (q[mode] - q_start[mode])
     _know(wall, q)
-    wall.place[:] = wall.start
-    _begin_slope(wall)
-    _add_every_slope(wall, (1.0, 0.0))
     slope = wall.lagging
     wall.image[:] = 0.0
-    _spread(wall.rows, wall.slope, 1.0, wall.image)
+    _spread(wall.rows, wall.start_slope, 1.0, wall.image)
     for mode in range(q.shape[0]):
         slope[mode] = wall.image[mode]
     for term in range(wall.g.shape[0]):

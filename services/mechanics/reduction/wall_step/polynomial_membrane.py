@@ -46,10 +46,12 @@ def polynomial_energy(polynomial: PolynomialMembrane, x: FloatArray) -> float:
 @kernel
 def add_polynomial_slope(
     polynomial: PolynomialMembrane, x: FloatArray, weights: tuple[float, float], out: FloatArray
-) -> None:
-    """Add the slope at coordinates (s,) to ``out`` (s,), and the second derivatives to the tangent, by ``weights``."""
-    _write_forms(polynomial, x)
-    tangent, pair = polynomial.tangent, 0
+) -> float:
+    """Add the slope at coordinates (s,) to ``out`` (s,), and the second derivatives to the tangent, by ``weights``.
+
+    Return the energy, in J.
+    """
+    energy, tangent, pair = polynomial_energy(polynomial, x), polynomial.tangent, 0
     for i in range(x.shape[0]):
         for j in range(i, x.shape[0]):
             A, B = polynomial.forms[pair, 0], polynomial.forms[pair, 1]
@@ -60,6 +62,7 @@ def add_polynomial_slope(
                 out[j] += slope * x[i]
                 tangent[j, i] += stiff
             pair += 1
+    return energy
 
 
 @summing_kernel

@@ -42,26 +42,23 @@ class SampledMembrane(Struct):
 
 
 @kernel
-def membrane_energy(membrane: SampledMembrane, strain: FloatArray) -> float:
-    """Return the energy beyond the linear one at the samples' strains (3 k,), in J."""
-    total = 0.0
-    for sample in range(membrane.energy.shape[0]):
-        total += _acting(membrane, sample) * _respond(membrane, strain, 3 * sample)[0]
-    return total
-
-
-@kernel
 def add_membrane_slope(
     membrane: SampledMembrane, strain: FloatArray, weights: tuple[float, float], out: FloatArray
-) -> None:
-    """Add the slope at strains (3 k,) to ``out`` (3 k,), and the second derivatives to the tangents, by ``weights``."""
+) -> float:
+    """Add the slope at strains (3 k,) to ``out`` (3 k,), and the second derivatives to the tangents, by ``weights``.
+
+    Return the energy beyond the linear one, in J.
+    """
+    total = 0.0
     for sample in range(membrane.energy.shape[0]):
         i, acts = 3 * sample, _acting(membrane, sample)
-        _, stress, stiff = _respond(membrane, strain, i)
+        energy, stress, stiff = _respond(membrane, strain, i)
+        total += acts * energy
         for axis in range(3):
             out[i + axis] += weights[0] * acts * stress[axis]
         for entry in range(6):
             membrane.tangent[sample, entry] += weights[1] * acts * stiff[entry]
+    return total
 
 
 @kernel
