@@ -163,6 +163,7 @@ class Simulation:
 
     def _take_tick(self, tools: ToolInputs, dt_s: float) -> None:
         """Advance by a tick in steps, and by each of these in as many parts as it needs."""
+        self.tools.appear(tools)
         self._stuck.begin(tools)
         if self._fading:
             self._stuck.forget()

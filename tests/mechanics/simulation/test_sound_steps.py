@@ -70,6 +70,25 @@ def test_a_share_of_a_motion_lies_between_its_ends_and_gives_out_no_energy(small
         assert energy_j() <= (1.0 - part) * begun_j + part * ended_j + 1e-15
 
 
+@pytest.mark.parametrize("sound", [0.0, 0.5])
+def test_a_tool_that_appears_where_not_all_of_a_part_is_sound_is_at_its_hand(
+    small_scene, small_duct, monkeypatch, sound
+):
+    """It was on the way there from the scene's origin: a jaw lay across the wall."""
+    simulation = Simulation(small_scene, small_duct)
+    move, find = simulation._move, simulation._motion_share.find
+    monkeypatch.setattr(simulation, "_move", lambda *given: move(*given) and False)
+    monkeypatch.setattr(simulation._motion_share, "find", lambda *given: sound * find(*given))
+    tools = ToolInputs(jaw_angle_rad=np.full(2, 0.4), roll_rad=np.full(2, 0.3))
+    tools.position_m[:] = (20e-3, 0.0, 30e-3), (30e-3, 3e-3, 30e-3)
+    simulation.step(tools)
+    body = simulation.tools
+    assert simulation.withheld_s > 0.0
+    assert body.present.all()
+    assert body.proxy == pytest.approx(np.column_stack([tools.position_m, tools.jaw_angle_rad]), abs=1e-12)
+    assert np.array_equal(body.roll_rad, tools.roll_rad)
+
+
 def test_a_tick_without_work_left_withholds_all_of_its_time_and_moves_nothing(small_scene, small_duct, monkeypatch):
     simulation = Simulation(small_scene, small_duct)
     press(simulation, 40)
