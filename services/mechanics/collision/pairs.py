@@ -10,8 +10,8 @@ from typing import Annotated
 
 from trocar.services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from trocar.services.mechanics.compiled import kernel
-from trocar.services.mechanics.compiled.struct import Struct, reader
-from trocar.services.mechanics.compiled.vectors import Vector, put_row
+from trocar.services.mechanics.compiled.struct import Address, Struct, reader
+from trocar.services.mechanics.compiled.vectors import Vector, put_row, row
 
 NO_TOOL = -1  # in the place of the number of a tool, which is at least 0
 SHAFT, JAW_A, JAW_B = 0, 1, 2
@@ -46,6 +46,25 @@ pairs_at = reader(ContactPairs)
 
 Pair = tuple[int, int, int, int, int, float, Vector]
 """(tool, tool segment, particle, kind of target, target, place on the first body, weights in the target)."""
+
+
+@kernel
+def append_copies(pairs_address: Address[ContactPairs], source_address: Address[ContactPairs]) -> None:
+    """Append the pairs of another list, as many as there is room for."""
+    pairs, source = pairs_at(pairs_address), pairs_at(source_address)
+    for k in range(min(source.count, pairs.gap_m.shape[0] - pairs.count)):
+        copy_pair(source, k, pairs, pairs.count)
+        pairs.count += 1
+
+
+@kernel
+def copy_pair(source: ContactPairs, k: int, out: ContactPairs, at: int) -> None:
+    """Copy pair k of a list to place ``at`` of another, or of the same."""
+    out.tool[at], out.tool_segment[at], out.particle[at] = source.tool[k], source.tool_segment[k], source.particle[k]
+    out.target_kind[at], out.target[at] = source.target_kind[k], source.target[k]
+    out.tool_parameter[at], out.gap_m[at] = source.tool_parameter[k], source.gap_m[k]
+    put_row(out.target_weights, at, row(source.target_weights, k))
+    put_row(out.normal, at, row(source.normal, k))
 
 
 @kernel

@@ -223,7 +223,8 @@ def begin_step(
     if follow_wall(known, duct.free.start, (duct.node[:count], duct.force[:count])) or not search.is_measured:
         measure(known, search.found)
     search.is_measured = False
-    choose(listed, search.found, search.working, search.ahead, state.geometry.tools)
+    capacity = state.rows.gap_m.shape[0]
+    choose((listed, search.found, search.working), search.ahead, state.geometry.tools, capacity)
     copy_configuration(search.start_wall, known.wall)
 
 

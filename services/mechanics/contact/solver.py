@@ -78,6 +78,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
             copy_rows(problem.first_n, rows.force_n, k)
         more, is_solved = _take_turns(problem, W, effort)
         sweeps += more
+    problem.is_cut = not is_solved
     if not is_solved:
         _take_least_multiple(problem, W)
     return sweeps

@@ -84,6 +84,11 @@ class ContactSystem:
         """(3 k, 3 k) W in m/N: along world axes while it is assembled, then in the contacts' frames."""
         return self._state.W
 
+    @property
+    def is_cut(self) -> bool:
+        """Whether the last solve has ended for want of work, so that rows may end deeper than their laws allow."""
+        return bool(self._state.problem.is_cut)
+
     def clear(self) -> None:
         """Remove the rows of the last step; the memory for the warm start keeps their forces."""
         begin_rows(self.address, self.bodies.duct.dt_s)
@@ -126,6 +131,11 @@ class ContactSystem:
     def append(self, pairs: ContactPairs) -> None:
         """Append rows for candidate pairs."""
         self.dropped_pairs += append_pairs(pairs.address, self.geometry.address, self.rows.address)
+
+    def append_as_many(self, pairs: ContactPairs) -> None:
+        """Append rows for candidate pairs, as many as there is room for."""
+        pairs.count = min(pairs.count, max(self.rows.capacity - self.rows.reserved - self.rows.n_contacts, 0))
+        self.append(pairs)
 
     def complete_rows(self) -> None:
         """Complete gaps and slips with the duct's displacement, and begin with the forces of the last tick."""

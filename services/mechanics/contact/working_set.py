@@ -33,6 +33,8 @@ IMPLIED_M = 3e-6
 #: A step begins with rows for all members, and for the nearest other candidates up to this total; pricing finds the
 #: rest. Assembling and solving so many rows costs about as much as pricing.
 MAX_CHOSEN = 32
+#: Of the table's rows, those that a step may begin with: the rest is for effects, and for what pricing finds.
+MOST_OF_TABLE = 0.75
 #: Steps for which a feature that bears no more force stays a member. With one, a body that rocks on two features bears
 #: on each in turn, because each is left out as a duplicate while the other bears. Three, because in a corner a body
 #: may rock on three. Steps shorter than `FULL_STEP_S` count in part, because a body does not rock faster in them: a
@@ -73,13 +75,15 @@ def merge_distance_m(thickness_m: float, wall_m: float) -> float:
 
 
 @kernel
-def choose(listed: CandidateList, found: Candidates, working: WorkingSet, ahead: FloatArray, tools: ToolArrays) -> None:
+def choose(
+    given: tuple[CandidateList, Candidates, WorkingSet], ahead: FloatArray, tools: ToolArrays, capacity: int
+) -> None:
     """Choose candidates for rows, and write their indices into ``chosen``, nearest first.
 
     A candidate is chosen if its clearance is at most the gap wanted of its piece, and at most `TOUCHING_M` more than
-    ``ahead`` (p,). Absent and disengaged tools get no rows.
+    ``ahead`` (p,). Absent and disengaged tools get no rows. The table has ``capacity`` rows.
     """
-    n = 0
+    (listed, found, working), n = given, 0
     for i in range(found.count):
         p = found.piece[i]
         if not piece_can_touch(tools, p):
@@ -94,7 +98,7 @@ def choose(listed: CandidateList, found: Candidates, working: WorkingSet, ahead:
     for k in range(n):
         i = working.order[k]
         is_member = _is_member(found, working, i)
-        if working.n_chosen >= MAX_CHOSEN and not is_member:
+        if working.n_chosen >= (MOST_OF_TABLE * capacity if is_member else MAX_CHOSEN):
             break
         # A duplicate is nearer than contacts merge or, for a member, at the same place.
         near = merge_distance_m(listed.thickness[found.piece[i]], tools.wall_thickness)

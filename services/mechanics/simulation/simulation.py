@@ -164,9 +164,9 @@ class Simulation:
 
     def _take_tick(self, tools: ToolInputs, dt_s: float) -> None:
         """Advance by a tick in steps, and by each of these in as many parts as it needs."""
-        self._stuck.begin(tools)
-        if self._fading:
-            self._stuck.forget()
+        self.tools.appear(tools)
+        if not self._stuck.begin(tools) or self._fading:
+            self._forget_tries()
         steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
         for _ in range(steps):
             parts = self.splitter.parts(tools, dt_s / steps)
@@ -196,13 +196,14 @@ class Simulation:
         if self.watcher is not None:
             self.watcher.begin()
         self._start.save()
-        self.share = 1.0
+        self.share, known = 1.0, self.solver.pricing.n_known
         if not self._move(tools, dt_s):
             self.share = self._find_share(dt_s)
+            if self.solver.pricing.n_known == known:
+                self._stuck.note_failed(dt_s)
             may_divide = dt_s > SHORTEST_STEP_S and not self.solver.is_spent
             if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
                 self._start.restore()
-                self._stuck.note_failed(dt_s)
                 self._take_parts(tools, dt_s / 2, 2)
                 return
             self._take_back()
@@ -210,13 +211,18 @@ class Simulation:
         if share > 0.0:
             self._correct(dt_s)
             self.system.keep_rows()
-            self._stuck.forget()
+            self._forget_tries()
         else:
-            self._stuck.note_rest(tools, dt_s)
+            self._stuck.note_rest(tools)
         if self.watcher is not None:
             self.watcher.end(share * dt_s)
         if share < 1.0:
             self._go_on(tools, dt_s, share)
+
+    def _forget_tries(self) -> None:
+        """Forget what tries from the last start have found, because what follows begins elsewhere."""
+        self._stuck.forget()
+        self.solver.pricing.forget_known()
 
     def _find_share(self, dt_s: float) -> float:
         """Return how much of the solved motion is sound, in whole shortest parts or eighths, whichever is more.
@@ -372,7 +378,7 @@ class Simulation:
         acting = [e for name, e in self.effects.items() if e in self._fading or name not in self.rung.without]
         self._stages = by_stage(acting)
         self.solver.use(self._stages, self.rung.iterations)
-        self._stuck.forget()
+        self._forget_tries()
 
     def _collect(self, tools: ToolInputs, dt_s: float) -> None:
         """Make contact rows of the selected candidates and of the holds."""
@@ -392,6 +398,7 @@ class Simulation:
         system.append(pairs)
         act(self._stages, "add_rows", self.world, dt_s)
         self.holds.append_rows()
+        self.solver.pricing.append_known()
 
     def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:
         """Update the grasps of the tools with jaws; an absent or waiting tool holds nothing."""

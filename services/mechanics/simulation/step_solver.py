@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.collision.pairs import ContactPairs
+from trocar.services.mechanics.collision.pairs import ContactPairs, append_copies
 from trocar.services.mechanics.compiled.memory import SavedArrays
 from trocar.services.mechanics.contact.working_set import tolerated_overlap_m
 from trocar.services.mechanics.effects import Effect, act
@@ -20,10 +20,11 @@ MAX_PRICINGS = 8
 MOST_PRODUCTS = 6_000_000
 #: All else of a part that has contacts, 0.35 ms: prediction, detection, effects, and what is saved.
 PART_PRODUCTS = 150_000
-#: Rows are assembled from the compliances of nodes and particles in 0.2 us for each pair.
-ASSEMBLY_PRODUCTS = 80
-#: All candidates are measured in 40 us, and 2 us for each candidate, and 15 ns for each and each node with a load.
-LOOK_PRODUCTS, CANDIDATE_PRODUCTS, LOADED_PRODUCTS = 16_000, 800, 6
+#: Rows are assembled from the compliances of nodes and particles in 0.1 us for each pair.
+ASSEMBLY_PRODUCTS = 50
+#: A look takes 40 us, and 0.25 us for each candidate. Their nodes, three of each or all of the wall's, are placed in
+#: 0.5 us, and 5 ns for each node with a load.
+LOOK_PRODUCTS, CANDIDATE_PRODUCTS, NODE_PRODUCTS, LOADED_PRODUCTS = 16_000, 100, 200, 2
 
 
 class Pricing:
@@ -40,6 +41,7 @@ class Pricing:
         self._ends = SavedArrays([*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()])
         self._touched = catheter.touched
         self._pairs = ContactPairs.zeros(capacity=world.scene.contact.capacity)
+        self._known = ContactPairs.zeros(capacity=world.scene.contact.capacity)
         self.is_off = not world.system.strategy.keeps_delassus or catheter.plain_integrator is None
         self.new_rows = 0
 
@@ -50,10 +52,26 @@ class Pricing:
             self._touched = self._world.catheter.touched
 
     def finds_violations(self) -> bool:
-        """Return whether a candidate without a row ends too deep."""
-        if self.is_off:
+        """Return whether a candidate without a row ends too deep; the places are known until they are forgotten."""
+        if self.is_off or self._search.price(self._world.system, self.tolerance_m, self._pairs) == 0:
             return False
-        return self._search.price(self._world.system, self.tolerance_m, self._pairs) > 0
+        append_copies(self._known.address, self._pairs.address)
+        return True
+
+    @property
+    def n_known(self) -> int:
+        """Number of places that are known to end too deep without a row, from the present start."""
+        return int(self._known.count)
+
+    def append_known(self) -> None:
+        """Append rows at the places that are known: another try begins with what those before it have found."""
+        if self._known.count:
+            self._world.system.append_as_many(self._known)
+
+    def forget_known(self) -> None:
+        """Know no places, because what follows begins elsewhere."""
+        if self._known.count:
+            self._known.clear()
 
     @property
     def tolerance_m(self) -> float:
@@ -80,6 +98,8 @@ class Pricing:
             self._ends.save()
             self.finds_violations()
             self.return_with_new_rows()
+            append_copies(self._known.address, self._pairs.address)
+            self.forget_known()
 
 
 class StepSolver:
@@ -107,9 +127,18 @@ class StepSolver:
 
     def charge_looks(self, count: int) -> None:
         """Charge measuring all candidates so often, where the loads of the contacts have moved the wall."""
-        n_loads = int(self._world.duct.load_arrays()[2][0])
-        each = CANDIDATE_PRODUCTS + LOADED_PRODUCTS * n_loads
-        self.products += count * (LOOK_PRODUCTS + each * self._world.search.n_candidates)
+        self.products += count * self._products_of_look()
+
+    def _products_of_look(self) -> float:
+        n_loads, n_candidates = int(self._world.duct.load_arrays()[2][0]), self._world.search.n_candidates
+        n_nodes = min(3 * n_candidates, self._world.duct.reduced.mesh.n_vertices)
+        placed = n_nodes * (NODE_PRODUCTS + LOADED_PRODUCTS * n_loads)
+        return LOOK_PRODUCTS + CANDIDATE_PRODUCTS * n_candidates + placed
+
+    def _affords_another(self) -> bool:
+        """Return whether rows can be assembled, swept twice and priced once more with what is left."""
+        products = (ASSEMBLY_PRODUCTS + 2) * self._system.rows.n_contacts**2 + self._products_of_look()
+        return self.products + products < MOST_PRODUCTS
 
     @property
     def prices(self) -> bool:
@@ -126,10 +155,13 @@ class StepSolver:
         self._system.complete_rows()
         act(self._stages, "add_motion", self._world, dt_s)
         act(self._stages, "set_friction", self._world, dt_s)
-        self._system.strategy.assemble()
+        self._assemble()
 
     def solve(self, dt_s: float) -> bool:
-        """Solve for the forces and apply them; return whether no candidate ends too deep."""
+        """Solve for the forces and apply them; return whether no candidate ends too deep, nor a row that is not solved.
+
+        A price takes rows at their word: where a solve has been cut short, depths must be measured.
+        """
         system, pricing = self._system, self.pricing
         if system.rows.n_contacts > 0:
             self._solve(dt_s)
@@ -139,8 +171,8 @@ class StepSolver:
         for _ in range(MAX_PRICINGS):
             self.charge_looks(1)
             if not pricing.finds_violations():
-                return True
-            if self.is_spent or not system.rows.has_room:  # without room it is repeated in halves
+                return not (system.rows.n_contacts and system.is_cut)
+            if not (self._affords_another() and system.rows.has_room):  # without room it is repeated in halves
                 return False
             if pricing.return_with_new_rows():
                 self._complete_new_rows(dt_s)
@@ -149,7 +181,6 @@ class StepSolver:
         return not pricing.finds_violations()
 
     def _solve(self, dt_s: float) -> None:
-        self.products += ASSEMBLY_PRODUCTS * self._system.rows.n_contacts**2
         self.products += self._system.solve(self._iterations, dt_s, MOST_PRODUCTS - self.products)
 
     def _apply(self) -> None:
@@ -163,4 +194,8 @@ class StepSolver:
         old_friction = self._system.old_friction().copy()
         act(self._stages, "set_friction", self._world, dt_s)
         self._system.old_friction()[:] = old_friction  # which changes only in the rows appended last
+        self._assemble()
+
+    def _assemble(self) -> None:
+        self.products += ASSEMBLY_PRODUCTS * self._system.rows.n_contacts**2
         self._system.strategy.assemble()

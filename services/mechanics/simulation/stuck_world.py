@@ -1,9 +1,9 @@
 """What has been tried in vain from where a world rests: it is not tried again until something about it has changed.
 
 Where nothing of a part of a step can happen, everything rests where it was. Another part of the same length, with the
-same hands, begins with the same state and has the same end, in this tick or in a later one. So it is divided at once,
-or does not happen. That holds until a hand has moved by more than an overlap that is tolerated, which is what a try
-could find anew, or until a load or the state is another.
+same hands, begins with the same state and has the same end, in this tick or in a later one, unless a try has found
+places that are too deep without a row. So it is divided at once, or does not happen. That holds until a hand has moved
+by more than an overlap that is tolerated, which is what a try could find anew, or until a load or the state is another.
 """
 
 from __future__ import annotations
@@ -39,10 +39,17 @@ class StuckWorld:
         self._rests, self._failed_s = False, set[float]()
         self._present, self._place_m, self._turn_rad, self._holds = _pose(ToolInputs())
 
-    def begin(self, hands: ToolInputs) -> None:
-        """Begin a tick with these hands; where anything is other than when the world came to rest, nothing is known."""
-        if self._rests and not (self._hands_rest(hands) and self._saved.are_as_saved()):
-            self.forget()
+    def begin(self, hands: ToolInputs) -> bool:
+        """Begin a tick with these hands; where they are others, any length may be tried again.
+
+        Return whether the world is as it came to rest, unless it has not.
+        """
+        if not self._rests:
+            return True
+        if not self._hands_rest(hands):
+            self._failed_s.clear()
+            self._note_hands(hands)
+        return self._saved.are_as_saved()
 
     def fails(self, dt_s: float) -> bool:
         """Return whether a part of this length has failed from here."""
@@ -53,18 +60,20 @@ class StuckWorld:
         if self._rests:
             self._failed_s.add(dt_s)
 
-    def note_rest(self, hands: ToolInputs, dt_s: float) -> None:
-        """Enter a part of which nothing has happened, so that everything rests. Only the first one began in motion."""
-        self.note_failed(dt_s)
+    def note_rest(self, hands: ToolInputs) -> None:
+        """Enter that nothing of a part has happened, so that everything rests. Only the first one began in motion."""
         if not self._rests:
             self._rests = True
-            self._present, self._place_m, self._turn_rad, self._holds = _pose(hands)
+            self._note_hands(hands)
             self._saved.save()
 
     def forget(self) -> None:
         """Know nothing, because something has moved or is another."""
         self._rests = False
         self._failed_s.clear()
+
+    def _note_hands(self, hands: ToolInputs) -> None:
+        self._present, self._place_m, self._turn_rad, self._holds = _pose(hands)
 
     def _hands_rest(self, hands: ToolInputs) -> bool:
         present, place_m, turn_rad, holds = _pose(hands)

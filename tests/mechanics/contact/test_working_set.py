@@ -46,9 +46,9 @@ list_at, set_at = reader(CandidateList), reader(WorkingSet)
 
 
 @building_kernel
-def _choose(addresses, ahead_m, geometry):
-    listed, found, working = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
-    choose(listed, found, working, ahead_m, geometry_at(geometry).tools)
+def _choose(addresses, ahead_m, geometry, capacity):
+    given = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
+    choose(given, ahead_m, geometry_at(geometry).tools, capacity)
 
 
 @building_kernel
@@ -64,7 +64,7 @@ class Chooser:
         self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, TOUCHING_M)
         self.found = Candidates.zeros(c=512)
         self.ahead_m = np.full(N_PIECES, np.inf)
-        self.geometry = tools_alone()
+        self.geometry, self.capacity = tools_alone(), 256
         sizes = {"p": N_PIECES, "m": len(MESH.triangles), "c": 512}
         self.set = WorkingSet.zeros(rest=MESH.vertices_m, first_sphere=N_PIECES, **sizes)
         self.list.thickness[:], self.list.wanted[:] = THICKNESS_M, np.inf
@@ -76,7 +76,8 @@ class Chooser:
         for k, (piece, triangle, weight, normal, gap_m) in enumerate(candidates):
             found.piece[k], found.triangle[k], found.gap_m[k] = piece, triangle, gap_m
             found.weight[k], found.normal[k] = weight, normal
-        _choose((self.list.address, found.address, self.set.address), self.ahead_m, self.geometry.address)
+        addresses = self.list.address, found.address, self.set.address
+        _choose(addresses, self.ahead_m, self.geometry.address, self.capacity)
         return self.set.chosen[: self.set.n_chosen].tolist()
 
 
@@ -155,6 +156,16 @@ def test_all_members_have_rows_and_the_nearest_others_while_these_are_few(n_memb
         renew_member(chooser.set, *candidates[k][:2])
     others = max(MAX_CHOSEN - n_members, 0)
     assert chooser.choose(candidates) == [*range(50 - n_members, 50), *range(others)]
+
+
+def test_members_leave_a_quarter_of_the_table_to_what_comes_later():
+    """A table that was full with members had no room for the rows of effects: they were dropped."""
+    chooser = Chooser()
+    chooser.capacity = 48
+    candidates = [one(piece=k % 6, triangle=3 * k, gap_m=1e-6 * k) for k in range(50)]
+    for candidate in candidates:
+        renew_member(chooser.set, *candidate[:2])
+    assert chooser.choose(candidates) == [*range(36)]
 
 
 @settings(max_examples=40)

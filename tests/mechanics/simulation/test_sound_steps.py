@@ -28,6 +28,13 @@ def press(simulation, ticks, after=lambda tick: None):
         after(tick)
 
 
+def leave_without_rows(simulation, monkeypatch):
+    """Let no candidate ever get a row, and a tick have work for one try only."""
+    monkeypatch.setattr(simulation.search, "write_pairs", lambda state, pairs: None)
+    monkeypatch.setattr(step_solver, "append_copies", lambda known, found: None)
+    monkeypatch.setattr(step_solver, "MOST_PRODUCTS", 1)
+
+
 def test_a_solve_without_rows_that_does_not_end_takes_nothing_deeper_than_is_sound(
     small_scene, small_duct, monkeypatch
 ):
@@ -35,8 +42,7 @@ def test_a_solve_without_rows_that_does_not_end_takes_nothing_deeper_than_is_sou
     simulation = Simulation(small_scene, small_duct)
     press(simulation, 5)
     judge, tolerance_m = OverlapJudge(simulation), tolerated_overlap_m(small_scene.duct.thickness_m)
-    monkeypatch.setattr(simulation.search, "write_pairs", lambda state, pairs: None)
-    monkeypatch.setattr(step_solver, "MOST_PRODUCTS", 1)
+    leave_without_rows(simulation, monkeypatch)
     worst_m = []
     press(simulation, 60, lambda _: worst_m.append(max(judge.look().values())))
     assert max(worst_m) < MARGIN * tolerance_m + ROUNDING_M
@@ -68,6 +74,25 @@ def test_a_share_of_a_motion_lies_between_its_ends_and_gives_out_no_energy(small
         for start, end, now in zip(begun, ended, state(), strict=True):
             assert now == pytest.approx(start + part * (end - start), rel=1e-12, abs=1e-15)
         assert energy_j() <= (1.0 - part) * begun_j + part * ended_j + 1e-15
+
+
+@pytest.mark.parametrize("sound", [0.0, 0.5])
+def test_a_tool_that_appears_where_not_all_of_a_part_is_sound_is_at_its_hand(
+    small_scene, small_duct, monkeypatch, sound
+):
+    """It was on the way there from the scene's origin: a jaw lay across the wall."""
+    simulation = Simulation(small_scene, small_duct)
+    move, find = simulation._move, simulation._motion_share.find
+    monkeypatch.setattr(simulation, "_move", lambda *given: move(*given) and False)
+    monkeypatch.setattr(simulation._motion_share, "find", lambda *given: sound * find(*given))
+    tools = ToolInputs(jaw_angle_rad=np.full(2, 0.4), roll_rad=np.full(2, 0.3))
+    tools.position_m[:] = (20e-3, 0.0, 30e-3), (30e-3, 3e-3, 30e-3)
+    simulation.step(tools)
+    body = simulation.tools
+    assert simulation.withheld_s > 0.0
+    assert body.present.all()
+    assert body.proxy == pytest.approx(np.column_stack([tools.position_m, tools.jaw_angle_rad]), abs=1e-12)
+    assert np.array_equal(body.roll_rad, tools.roll_rad)
 
 
 def test_a_tick_without_work_left_withholds_all_of_its_time_and_moves_nothing(small_scene, small_duct, monkeypatch):
@@ -136,8 +161,7 @@ def without_rows(small_scene, small_duct, monkeypatch):
     """A world in which two tools have come down as far as is sound where nothing ever gets a row."""
     simulation = Simulation(small_scene, small_duct)
     press(simulation, 5)
-    monkeypatch.setattr(simulation.search, "write_pairs", lambda state, pairs: None)
-    monkeypatch.setattr(step_solver, "MOST_PRODUCTS", 1)
+    leave_without_rows(simulation, monkeypatch)
     press(simulation, 60)
     return simulation
 
@@ -184,6 +208,28 @@ def test_a_stuck_world_moves_on_as_soon_as_there_is_a_sound_motion(without_rows,
         simulation.step(tools)
     assert simulation.withheld_s - before_s < 3e-3
     assert (simulation.tools.proxy[:, 2] > 20e-3).all()
+
+
+def test_what_a_try_has_found_gets_rows_in_the_next_one(small_scene, small_duct, monkeypatch):
+    """Work for one price a tick is enough: a stuck world had found the same places in every tick, and stood still."""
+    simulation = Simulation(small_scene, small_duct)
+    press(simulation, 5)
+    monkeypatch.setattr(simulation.search, "write_pairs", lambda state, pairs: None)
+    monkeypatch.setattr(step_solver, "MOST_PRODUCTS", 1)
+    judge, tolerance_m, worst_m = OverlapJudge(simulation), tolerated_overlap_m(small_scene.duct.thickness_m), []
+    begun_s = simulation.withheld_s
+    press(simulation, 60, lambda _: worst_m.append(max(judge.look().values())))
+    assert tolerance_m < max(worst_m) < MARGIN * tolerance_m + ROUNDING_M
+    assert simulation.solver.pricing.new_rows == 0, "no tick has had the work for a second solve"
+    assert simulation.withheld_s - begun_s < 0.75 * 60e-3
+    pricing, known = simulation.solver.pricing, []
+    monkeypatch.setattr(pricing, "append_known", lambda: known.append(pricing.n_known))
+    while not pricing.n_known:
+        simulation.step(ToolInputs(position_m=simulation.tools.hand[:, :3] - [0.0, 0.0, 1e-4]))
+    known.clear()
+    simulation.catheter.state.position_m[-1, 2] += 1e-9
+    simulation.step(ToolInputs(position_m=simulation.tools.hand[:, :3] + 0.0))
+    assert known[0] == 0, "the state is another"
 
 
 @pytest.mark.parametrize("spent_by", ["the solve", "the looks"])

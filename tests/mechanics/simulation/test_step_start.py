@@ -21,7 +21,7 @@ ROUNDING = 1e-10
 
 
 def take_back_every_try(simulation):
-    """Let every part of a step be taken twice, the first time for nothing."""
+    """Let every part of a step be taken twice, the first time for nothing; what that has found is forgotten."""
     take_part = simulation._take_part
 
     def take_again(tools, dt_s):
@@ -29,6 +29,7 @@ def take_back_every_try(simulation):
         simulation._start.save()
         simulation._move(tools, dt_s)
         simulation._start.restore()
+        simulation.solver.pricing.forget_known()
         return take_part(tools, dt_s)
 
     simulation._take_part = take_again

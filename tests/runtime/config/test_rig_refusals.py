@@ -192,7 +192,7 @@ OPTIONS = [
 NAMES = [
     ("nonsense", r"there is no rig 'nonsense' in .*configs/rigs; known: .*stub"),
     ("nowhere.yaml", r"nowhere.yaml: there is no such rig file"),
-    # Of a path that no file can have Python 3.14 says that there is no such file, and earlier ones what the system says.
+    # Of a path that no file can have Python 3.14 says that there is none, and earlier ones what the system says.
     ("a" * 300, r"aaa\.yaml: File name too long$|^there is no rig 'aaa.*; known: "),
     (f"{'a' * 300}.yaml", r"aaa\.yaml: File name too long$|aaa\.yaml: there is no such rig file$"),
 ]

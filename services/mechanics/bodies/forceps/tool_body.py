@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
@@ -153,6 +154,14 @@ class ToolBody:
         """Whether a tool that was present in the last step is absent now."""
         return bool(self._flags & VANISHED)
 
+    def appear(self, inputs: ToolInputs) -> None:
+        """Put the proxies of tools that appear at their hands: that is no motion, of which a part could be taken back.
+
+        `predict` does so too; a caller that saves the state before it calls this first.
+        """
+        if inputs.present.tobytes() != self.present.tobytes():  # in a tenth of a kernel's call
+            self._pass_inputs(put_appearing, inputs)
+
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
         """Move the hands and compute the proxies' motion without contact; poses remain those of the start.
 
@@ -160,9 +169,12 @@ class ToolBody:
         proxy at the hand. A tool with invalid input stays where it was, and is absent once that has lasted for
         `LONGEST_UNSOUND_S`.
         """
-        position, opening, roll = inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad
+        self._flags = self._pass_inputs(predict_proxies, inputs, dt_s)
+
+    def _pass_inputs(self, to: Callable[..., int], inputs: ToolInputs, *more: float) -> int:
+        """Call a kernel with these inputs, in which tools that the scene does not name are absent."""
         present = inputs.present & self._is_named if self._missing else inputs.present
-        self._flags = predict_proxies(self.address, present, position, opening, roll, dt_s)
+        return to(self.address, present, inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad, *more)
 
     def correct(self, force: FloatArray) -> None:
         """Apply the generalised contact forces (2, 4) of the step, in N and N m."""
@@ -192,6 +204,29 @@ class ToolBody:
 
 
 @kernel
+def put_appearing(
+    address: Address[ToolArrays], present: BoolArray, position: FloatArray, opening: FloatArray, roll: FloatArray
+) -> int:
+    """Put the proxies of tools that appear at their hands, unstretched and disengaged; return how many there are.
+
+    Arguments are those of `predict_proxies`.
+    """
+    tools, count = tools_at(address), 0
+    for tool in range(present.shape[0]):
+        appears = present[tool] and not tools.present[tool]
+        if not (appears and _is_sound(position[tool], tools.port[tool], opening[tool], roll[tool])):
+            continue
+        for axis in range(3):
+            tools.hand[tool, axis] = position[tool, axis]
+        tools.hand[tool, 3], tools.roll[tool], tools.stretch[tool] = opening[tool], roll[tool], 0.0
+        for axis in range(tools.hand.shape[1]):
+            tools.proxy[tool, axis] = tools.hand[tool, axis]
+        tools.present[tool] = tools.disengaged[tool] = True
+        count += 1
+    return count
+
+
+@kernel
 def predict_proxies(
     address: Address[ToolArrays],
     present: BoolArray,
@@ -206,6 +241,7 @@ def predict_proxies(
     """
     tools = tools_at(address)
     flags = 0
+    put_appearing(address, present, position, opening, roll)
     for tool in range(present.shape[0]):
         is_there, roll_before = present[tool], tools.roll[tool]
         if _is_sound(position[tool], tools.port[tool], opening[tool], roll[tool]):
@@ -216,12 +252,7 @@ def predict_proxies(
             tools.refused += 1
             tools.unsound_s[tool] += dt_s
             is_there = tools.present[tool] and tools.unsound_s[tool] < LONGEST_UNSOUND_S
-        if is_there and not tools.present[tool]:
-            for axis in range(tools.hand.shape[1]):
-                tools.stretch[tool, axis], tools.start[tool, axis] = 0.0, tools.hand[tool, axis]
-                tools.proxy[tool, axis] = tools.hand[tool, axis]
-            tools.disengaged[tool] = True
-        tools.rolled[tool] = tools.roll[tool] - roll_before if is_there and tools.present[tool] else 0.0
+        tools.rolled[tool] = tools.roll[tool] - roll_before if is_there else 0.0
         if tools.present[tool] and not is_there:
             flags |= VANISHED
         tools.present[tool] = is_there
