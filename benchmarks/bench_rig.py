@@ -5,13 +5,15 @@
     python benchmarks/bench_rig.py --beside alone stress --name rig-stress
     python benchmarks/bench_rig.py --beside alone door --name rig-door
     python benchmarks/bench_rig.py --beside alone xapi --name rig-xapi
+    python benchmarks/bench_rig.py --beside alone page stereo --name rig-stereo
 
 Runs ``trocar up --seconds N --json FILE`` several times and tabulates medians over the runs; the table is written anew
 after each round. ``--beside`` names what runs beside it, interleaved: ``observers`` are four readers of every frame of
 every topic and a fifth that never takes what it has subscribed to, ``stress`` is stress-ng (a Debian package) with two
 processes that compute and two that fill memory, on whatever core they get, ``door`` is `trocar foxglove` with a viewer
 that reads all channels and one that never reads, ``xapi`` sends attempts again and again to a record store that is not
-there, one that never answers and one that is always busy. Where ``alone`` is among them, the table
+there, one that never answers and one that is always busy, ``page`` is the rig's page in headless Chromium, which draws
+on the same cores, and ``stereo`` is that page with a picture for each eye. Where ``alone`` is among them, the table
 ends with what the others change: the median of the differences, each of two runs one after the other, beside how far
 the runs alone lie apart. A bare sleeper on each core, above every process of the rig, watches in every run what the
 machine takes (`machine_floor`), when nobody of the rig works: nobody's ticks can be better.
@@ -22,6 +24,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -37,7 +40,7 @@ from rig_threads import watch
 from watched_rig import STRESS
 
 ROOT = Path(__file__).resolve().parents[1]
-LOADS = ("alone", "observers", "stress", "door", "xapi")
+LOADS = ("alone", "observers", "stress", "door", "xapi", "page", "stereo")
 _OBSERVERS = ("reads",) * 4 + ("stops",)
 #: Misses that are asked of a loop: so many times the floor, or this share where that is more; under stress, this share.
 _TIMES_FLOOR, _LEAST_PERCENT, _STRESS_PERCENT = 2.0, 0.02, 0.2
@@ -46,7 +49,8 @@ _LOOPS = {"gateway": (0, 55.0, 110.0), "haptics": (0, 140.0, 280.0), "physics": 
 
 
 @contextmanager
-def _beside(load: str, directory: Path) -> Iterator[None]:
+def _beside(load: str, directory: Path, address: str) -> Iterator[None]:
+    page = [sys.executable, str(ROOT / "benchmarks/page_viewer.py"), address]
     commands = {
         "alone": [],
         "observers": [
@@ -55,6 +59,8 @@ def _beside(load: str, directory: Path) -> Iterator[None]:
         "stress": [STRESS],
         "door": [[sys.executable, str(ROOT / "benchmarks/door_viewers.py"), str(directory)]],
         "xapi": [[sys.executable, str(ROOT / "benchmarks/xapi_senders.py")]],
+        "page": [page],
+        "stereo": [[*page, "--stereo"]],
     }[load]
     started = [subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) for command in commands]
     try:
@@ -78,7 +84,7 @@ def run_rig(seconds: float, options: list[str], load: str) -> dict[str, Any]:
         )
         try:
             said = "".join(iter(lambda: _until_running(process), None))
-            with _beside(load, bus), Floor(seconds) as floor:
+            with _beside(load, bus, _address_of(said)), Floor(seconds) as floor:
                 threads = watch(process.pid, seconds - 2.0)
             said += process.communicate()[0]
         finally:
@@ -90,6 +96,12 @@ def run_rig(seconds: float, options: list[str], load: str) -> dict[str, Any]:
     for loop in report["loops"].values():
         loop["miss_percent"] = 100.0 * loop["miss_ratio"]
     return {**report, "threads": threads, "floor": floor.cores, "load": load}
+
+
+def _address_of(said: str) -> str:
+    """Return the address of the page that `trocar up` has told, empty where it serves none."""
+    found = re.search(r"http\S+", said)
+    return found[0] if found else ""
 
 
 def _until_running(process: subprocess.Popen[str]) -> str | None:
