@@ -96,7 +96,7 @@ def test_what_is_no_file_is_called_that(tmp_path):
         ("folder.stl", "is a folder, not a file"),
         ("pipe.stl", "is a device or a pipe, not a file"),
         (f"{'a' * 300}.stl", "cannot be read: File name too long"),
-        ("null\0.stl", "cannot be read: embedded null byte"),
+        ("null\0.stl", "cannot be read: "),  # then the words of this Python
     ):
         for read in (read_surface, load_mesh):
             with pytest.raises(MeshError, match=re.escape(f"{name}: {sentence}")):

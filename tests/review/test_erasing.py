@@ -110,7 +110,8 @@ def test_a_recording_that_is_shared_stays_and_a_moved_one_is_told(url: str, tmp_
 
 
 def cannot_be_changed(path: Path) -> Callable[[], object]:
-    if subprocess.run(["chattr", "+i", path], capture_output=True, check=False).returncode:
+    chattr = shutil.which("chattr")
+    if chattr is None or subprocess.run([chattr, "+i", path], capture_output=True, check=False).returncode:
         pytest.skip("no file can be made unchangeable here (chattr +i)")
     return lambda: subprocess.run(["chattr", "-i", path], check=True)
 
