@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import quote
 
+import h11
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
@@ -26,7 +27,7 @@ from trocar.services.supervisor.page.page_link import PageSetup
 
 _MODULE = "trocar.review.school"
 _SCHOOL = ProcessSpec("school", _MODULE)
-#: Bytes that are passed on at once, and of the longest head of an answer, which is asyncio's default.
+#: Bytes that are passed on at once, and of the longest head of an answer: as many as asyncio reads at once.
 _PART_BYTES = _HEAD_BYTES = 1 << 16
 _PATIENCE_S = 30.0  # the longest that a page waits for an answer, as of reports that read whole recordings
 
@@ -75,25 +76,55 @@ async def pass_on(request: Request, path: Path, role: str) -> Response:
     if "transfer-encoding" in request.headers:
         return JSONResponse({"error": "the length of the request must be told"}, 411)
     try:
-        reader, writer = await asyncio.open_unix_connection(str(path), limit=_HEAD_BYTES)
+        asked = _Asked(*await asyncio.open_unix_connection(str(path)))
     except OSError:
         return JSONResponse({"error": "the school does not answer: it starts, or is not installed"}, 503)
     try:
-        target = "/" + quote(request.path_params["path"]) + (f"?{request.url.query}" if request.url.query else "")
-        length = int(request.headers.get("content-length") or 0)
-        head = f"{request.method} {target} HTTP/1.1\r\nhost: school\r\nconnection: close\r\n"
-        writer.write(f"{head}x-trocar-role: {role}\r\ncontent-length: {length}\r\n\r\n".encode("latin-1"))
-        async for part in request.stream():
-            writer.write(part)
-            await writer.drain()
-        status, kind = await asyncio.wait_for(_head(reader), _PATIENCE_S)
-    except (OSError, ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
-        writer.close()
+        await asked.send(request, role)
+        head = await asyncio.wait_for(asked.event(), _PATIENCE_S)
+        if not isinstance(head, h11.Response):
+            raise h11.RemoteProtocolError("no answer")
+    except (OSError, h11.ProtocolError, TimeoutError):
+        asked.close()
         return JSONResponse({"error": "the school has not answered"}, 504)
     except BaseException:  # the request is cancelled, or whoever asked has gone
-        writer.close()
+        asked.close()
         raise
-    return _PassedOn(reader, writer, status, kind)
+    return _PassedOn(asked, head)
+
+
+class _Asked:
+    """A request to the school, and its answer."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
+        self._http = h11.Connection(h11.CLIENT, max_incomplete_event_size=_HEAD_BYTES)
+
+    async def send(self, request: Request, role: str) -> None:
+        target = "/" + quote(request.path_params["path"]) + (f"?{request.url.query}" if request.url.query else "")
+        length = request.headers.get("content-length") or "0"
+        headers = {"host": "school", "connection": "close", "x-trocar-role": role, "content-length": length}
+        await self._write(h11.Request(method=request.method, target=target, headers=list(headers.items())))
+        async for part in request.stream():
+            await self._write(h11.Data(data=part))
+        await self._write(h11.EndOfMessage())
+
+    async def _write(self, event: h11.Event) -> None:
+        self._writer.write(self._http.send(event) or b"")
+        await self._writer.drain()
+
+    async def event(self) -> object:
+        """Return what comes next of the answer. Raises h11.RemoteProtocolError if it is none, or has no end."""
+        while (event := self._http.next_event()) is h11.NEED_DATA:
+            self._http.receive_data(await self._reader.read(_PART_BYTES))
+        return event
+
+    async def parts(self) -> AsyncIterator[bytes]:
+        while isinstance(event := await self.event(), h11.Data):
+            yield bytes(event.data)
+
+    def close(self) -> None:
+        self._writer.close()
 
 
 class _PassedOn(StreamingResponse):
@@ -103,24 +134,13 @@ class _PassedOn(StreamingResponse):
     then the parts' iterator never begins.
     """
 
-    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, status: int, kind: str) -> None:
-        super().__init__(_parts(reader), status, media_type=kind, headers={"Cache-Control": "no-store"})
-        self._writer = writer
+    def __init__(self, asked: _Asked, head: h11.Response) -> None:
+        kind = dict(head.headers).get(b"content-type", b"application/octet-stream").decode("latin-1")
+        super().__init__(asked.parts(), head.status_code, media_type=kind, headers={"Cache-Control": "no-store"})
+        self._asked = asked
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
             await super().__call__(scope, receive, send)
         finally:
-            self._writer.close()
-
-
-async def _head(reader: asyncio.StreamReader) -> tuple[int, str]:
-    """Return status and media type of an answer."""
-    lines = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
-    headers = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines[1:])}
-    return int(lines[0].split(" ")[1]), headers.get("content-type", "application/octet-stream")
-
-
-async def _parts(reader: asyncio.StreamReader) -> AsyncIterator[bytes]:
-    while part := await reader.read(_PART_BYTES):
-        yield part
+            self._asked.close()
