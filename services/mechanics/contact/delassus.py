@@ -13,6 +13,7 @@ from trocar.services.mechanics.compiled.vectors import Vector, dot
 from trocar.services.mechanics.contact.rows import ContactRows
 
 Block = tuple[Vector, Vector, Vector]
+_NOTHING: Block = ((0.0, 0.0, 0.0),) * 3
 
 
 @inlined_kernel
@@ -72,7 +73,11 @@ def rotate_to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
                 W[3 * a + i, 3 * a + j] = W[3 * a + j, 3 * a + i]
         frame = _load(rows.frame[a], 0, 0)
         for b in range(a + 1):
-            half = _rows_along(_load(W, 3 * a, 3 * b), _load(rows.frame[b], 0, 0))
+            block = _load(W, 3 * a, 3 * b)
+            if block == _NOTHING:  # rows without a common body
+                _store(W, 3 * b, 3 * a, block)
+                continue
+            half = _rows_along(block, _load(rows.frame[b], 0, 0))
             _store(W, 3 * b, 3 * a, _rows_along(_transposed(half), frame))
         for i in range(3):
             W[3 * a + i, 3 * a + i] += rows.softness_m_n[a, i]

@@ -46,15 +46,18 @@ class LastingArrays(Struct):
     excess: Annotated[Float32Array, "s"]  # the same, minus the change by the impulse of one step
     shapes: Annotated[Float32Array, "m", "s"]  # shapes along the axes
     moved: Annotated[Float32Array, "s"]  # what a unit force along an axis adds to their coordinates
+    particles: Annotated[IntArray, "n"]  # on which the axes act, ascending
+    slot: Annotated[IntArray, "n"]  # place of each particle among these, -1 for others
     compliance: Annotated[FloatArray, "9 n n"]
     along: Annotated[FloatArray, "3 n"]
+    is_definite: bool = False  # whether the catheter's matrix for `LASTING_S` has factors
 
     @classmethod
     def of(cls, omega_rad_s: FloatArray, damping_ratio: FloatArray, n_particles: int, n_axes: int) -> LastingArrays:
         """Return room for ``n_axes`` axes on modes of these angular frequencies and damping ratios, both (r,)."""
         t, n, r = LASTING_S, n_particles, len(omega_rad_s)
         modes = t**2 / (1.0 + 2.0 * damping_ratio * omega_rad_s * t + (omega_rad_s * t) ** 2)
-        extents = {"9 n n": 9 * n * n, "3 n": 3 * n, "r": r, "s": r + N_COORDINATES}
+        extents = {"n": n, "9 n n": 9 * n * n, "3 n": 3 * n, "r": r, "s": r + N_COORDINATES}
         return cls.zeros(modes=np.asarray(modes, np.float64), m=n_axes, **extents)
 
 
@@ -125,34 +128,55 @@ def add_catheter_compliance(
     Only the lower triangle is written. ``is_factored`` is whether the matrix for `LASTING_S` is factorised. Return True
     if it is factorised now: then the factors for the step are overwritten.
     """
-    if not (rod[3] and _act_on_catheter(rows, closed)):
+    touch, slot = touch_at(rod[0]), lasting.slot
+    count = _list_particles(rows, closed, slot, lasting.particles) if rod[3] else 0
+    if count == 0:
         return is_factored
-    touch = touch_at(rod[0])
-    count = touch.slot.max() + 1
     excess = lasting.compliance[: 9 * count * count].reshape(3 * count, 3 * count)
+    excess[:] = 0.0
     if not is_factored:
-        excess[:] = 0.0
-        if factor_for_contacts(rod[1:3], LASTING_S):
-            compliance(rod[1], work_at(rod[2]).band, LASTING_S**2, touch.columns, touch.particles[:count], excess)
-            for row in range(3 * count):
-                for column in range(3 * count):
-                    excess[row, column] -= touch.compliance[3 * count * row + column]
+        lasting.is_definite = factor_for_contacts(rod[1:3], LASTING_S)
+    if lasting.is_definite:
+        band = work_at(rod[2]).band
+        compliance(rod[1], band, LASTING_S**2, touch.columns, lasting.particles[:count], excess)
+        _subtract_step(touch, lasting.particles[:count], excess)
     for i in range(closed.shape[0]):
         row, axis = closed[i, 0], closed[i, 1]
-        if _move_particles(rows, row, axis, touch.slot, excess, lasting.along):
+        if _move_particles(rows, row, axis, slot, excess, lasting.along):
             for j in range(i + 1):
-                out[i, j] += _moved_along(rows, closed[j, 0], closed[j, 1], touch.slot, lasting.along)
+                out[i, j] += _moved_along(rows, closed[j, 0], closed[j, 1], slot, lasting.along)
     return True
 
 
 @inlined_kernel
-def _act_on_catheter(rows: ContactRows, closed: IntArray) -> bool:
-    """Return whether one of the closed axes acts on the catheter."""
+def _list_particles(rows: ContactRows, closed: IntArray, slot: IntArray, out: IntArray) -> int:
+    """List the particles that closed axes act on, ascending, with the place of each in ``slot``; return their number.
+
+    Other touched ones, as those in the introducer, need not be solved for.
+    """
+    slot[:] = -1
     for i in range(closed.shape[0]):
         for point in range(rows.rod_node.shape[1]):
             if rows.rod_weight[closed[i, 0], point] != 0.0:
-                return True
-    return False
+                slot[rows.rod_node[closed[i, 0], point]] = 0
+    count = 0
+    for particle in range(slot.shape[0]):
+        if slot[particle] == 0:
+            slot[particle], out[count] = count, particle
+            count += 1
+    return count
+
+
+@inlined_kernel
+def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -> None:
+    """Subtract the compliance of one step between these particles from ``out`` (3 k, 3 k)."""
+    stride = 3 * (touch.slot.max() + 1)
+    for a in range(particles.shape[0]):
+        for b in range(particles.shape[0]):
+            first, second = 3 * touch.slot[particles[a]], 3 * touch.slot[particles[b]]
+            for i in range(3):
+                for j in range(3):
+                    out[3 * a + i, 3 * b + j] -= touch.compliance[stride * (first + i) + second + j]
 
 
 @kernel

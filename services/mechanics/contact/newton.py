@@ -29,10 +29,11 @@ from trocar.services.mechanics.contact.problem import ContactProblem
 
 @kernel
 def list_unknowns(problem: ContactProblem) -> int:
-    """Write the unknowns of all contacts in their present states, and return their number."""
+    """Write the unknowns of all contacts that are not settled, in their present states, and return their number."""
     n = 0
     for block in range(problem.rows.n_contacts):
-        n = add_unknowns(problem, block, n)
+        if not problem.is_settled[block]:
+            n = add_unknowns(problem, block, n)
     return n
 
 

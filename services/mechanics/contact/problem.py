@@ -24,6 +24,9 @@ class ContactProblem(Struct):
     rows: ContactRows
     motion: Annotated[FloatArray, "m"]  # gaps and slips at the end of the step with the present forces, in m
     change: Annotated[FloatArray, 3]  # of a contact's force in the last relaxation, in N
+    changed_n: Annotated[FloatArray, "c"]  # largest change of a component of each contact's force in the last sweep
+    island: Annotated[IntArray, "c"]  # first contact of the island of each, see `islands`
+    is_settled: Annotated[BoolArray, "c"]  # whether a Newton step may leave it out
     free: Annotated[FloatArray, "m"]  # motion without contact forces
     begun_n: Annotated[FloatArray, "c", 3]  # forces before a step
     first_n: Annotated[FloatArray, "c", 3]  # forces that the solve began with

@@ -9,6 +9,7 @@ from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.vectors import copy_rows
 from trocar.services.mechanics.contact.active_set import take_newton_steps
 from trocar.services.mechanics.contact.admissible import keeps_friction, project
+from trocar.services.mechanics.contact.islands import find_islands, note_settled
 from trocar.services.mechanics.contact.laws import HAS_FRICTION
 from trocar.services.mechanics.contact.problem import UNBOUNDED, ContactProblem
 from trocar.services.mechanics.contact.rows import KEPT, PRESENT
@@ -45,7 +46,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
       within the friction cone. Sweeps find the active set (which contacts are pressed, and which stick), but converge
       slowly where a stiff catheter couples contacts.
     - So Newton steps between sweeps solve for all active force components together (`active_set`), as in PGS with
-      subspace minimisation (Silcowitz-Hansen, Niebe and Erleben, 2010).
+      subspace minimisation (Silcowitz-Hansen, Niebe and Erleben, 2010), but for those of `islands` that sweeps have
+      solved.
     - Coulomb's law has no potential, because the bound on friction changes with the normal force: a solve may cycle.
       After `CYCLING` it goes on in turns from the forces that it began with. The pressures of the last turn bound
       friction while some sweeps find it; it is then kept, within the cones of the pressures found by them, while the
@@ -212,6 +214,7 @@ def _take_least_multiple(problem: ContactProblem, W: FloatArray) -> None:
 def _iterate(problem: ContactProblem, W: FloatArray, effort: tuple[int, float]) -> tuple[int, bool]:
     """Sweep and take Newton steps; return their cost in sweeps, and whether they ended before the work was spent."""
     (iterations, tolerance_n), sweeps, last_n, problem.lowest_j = effort, 0, 0.0, math.inf
+    knows_islands = False
     while True:
         change_n, change_m = sweep(problem, W)
         sweeps += 1
@@ -228,6 +231,10 @@ def _iterate(problem: ContactProblem, W: FloatArray, effort: tuple[int, float]) 
         is_cheaper = not is_small and sweeps == 1 and change_n <= NEAR * tolerance_n
         if ends_next or is_cheaper:
             continue
+        if not knows_islands:
+            find_islands(problem, W)
+            knows_islands = True
+        note_settled(problem, tolerance_n)
         cost, is_solved = take_newton_steps(problem, W, tolerance_n, sweeps)
         sweeps, last_n = sweeps + cost, 0.0
         if is_solved:

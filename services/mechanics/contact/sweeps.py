@@ -19,7 +19,8 @@ def sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
     largest_n, largest_m, rows, change = 0.0, 0.0, problem.rows, problem.change
     for block in range(rows.n_contacts):
         relax(problem, W, block)
-        largest_n = max(largest_n, abs(change[0]), abs(change[1]), abs(change[2]))
+        problem.changed_n[block] = max(abs(change[0]), abs(change[1]), abs(change[2]))
+        largest_n = max(largest_n, problem.changed_n[block])
         largest_m = max(largest_m, abs(change[0]) * W[3 * block, 3 * block])
     problem.products_left -= products_of_sweep(problem)
     return largest_n, largest_m
@@ -48,18 +49,32 @@ def set_aside(problem: ContactProblem, most: float) -> float:
 
 @kernel
 def has_small_residual(problem: ContactProblem, tolerance_n: float) -> bool:
-    """Return whether the forces of closed contacts are within ``tolerance_n`` of the solution.
+    """Return whether the forces of closed contacts are within ``tolerance_n`` of the solution."""
+    is_small = True
+    for block in range(problem.rows.n_contacts):
+        is_small = is_small and _is_near(problem, block, tolerance_n)
+    return is_small
+
+
+@kernel
+def _is_near(problem: ContactProblem, block: int, tolerance_n: float) -> bool:
+    """Return whether the force of a contact, if it is closed, is within ``tolerance_n`` of the solution.
 
     A residual motion r of closed rows means a force error of at most |r| / c, with c the compliance of the surfaces,
     because no eigenvalue of W is below c. Where contacts are redundant (two jaws press on one place), only c
     determines how they share the force, and a sweep corrects a thousandth of the error.
     """
     rows, motion = problem.rows, problem.motion
-    for block in range(rows.n_contacts):
-        for axis in range(closed_axes(rows, block, slides(rows, block))):
-            if abs(motion[3 * block + axis]) > rows.softness_m_n[block, axis] * tolerance_n:
-                return False
+    for axis in range(closed_axes(rows, block, slides(rows, block))):
+        if abs(motion[3 * block + axis]) > rows.softness_m_n[block, axis] * tolerance_n:
+            return False
     return True
+
+
+@kernel
+def is_solved(problem: ContactProblem, block: int, tolerance_n: float) -> bool:
+    """Return whether the last sweep changed a contact by no more than ``tolerance_n``, and its residual is small."""
+    return bool(problem.changed_n[block] <= tolerance_n and _is_near(problem, block, tolerance_n))
 
 
 @kernel
