@@ -23,6 +23,7 @@ from trocar.envs.lerobot import CHUNK, _ImageShades, export_dataset
 from trocar.envs.rollouts import rollouts
 from trocar.protocol import Frame
 from trocar.review.commands.verbs import Form, export
+from trocar.review.export import film
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.runtime.errors import ConfigError, UserError
 
@@ -138,7 +139,7 @@ def test_pictures_are_written_as_they_are_drawn_and_are_those_of_their_moments(
     recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     camera = CountingCamera()
-    monkeypatch.setattr(lerobot, "recorded_camera", lambda *_: camera)
+    monkeypatch.setattr(film, "recorded_camera", lambda *_: camera)
     monkeypatch.setattr(lerobot, "_SAMPLED_IMAGES", 10)
     export_dataset(recordings, tmp_path / "set", fps=10, view="scope")
     assert camera.drawn == len(columns(tmp_path / "set")["index"]) > 60

@@ -25,7 +25,6 @@ from trocar.envs.demonstrations import (
     read_attempts,
     state_names,
 )
-from trocar.envs.picture import recorded_camera
 from trocar.review.export.pictures import film_info, write_pictures
 from trocar.services.files.atomic_file import atomic_folder
 from trocar.services.mechanics.scene.tools import N_TOOLS
@@ -100,6 +99,8 @@ def _pictures(file: Path, attempts: Sequence[Demonstration], view: str | None) -
     """Yield the picture of each moment of the attempts that is followed by another; without a view none."""
     places = [place for shown in attempts for place in shown.places[:-1]]
     if view and places:
+        from trocar.review.export.film import recorded_camera  # a verb's: its import changes the process
+
         with closing(recorded_camera(file, view, _IMAGE_SIZE)) as camera:
             yield from draw_moments(file, places, camera)
 

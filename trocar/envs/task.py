@@ -16,11 +16,11 @@ import trocar
 from trocar.envs.ducts import Ducts
 from trocar.envs.episode import FAST, Episode, Verdict
 from trocar.envs.hands import DeviceHands
-from trocar.envs.picture import Camera
 from trocar.envs.randomisation import Bound, Randomisation
 from trocar.envs.stage import Stage
 from trocar.envs.state import View
 from trocar.protocol.topics import TICK_S
+from trocar.review.export.pictures import Camera
 from trocar.services.mechanics.arrays import Float32Array, FloatArray
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.runtime.errors import ConfigError
