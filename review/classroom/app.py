@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 
 import msgspec
-import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
@@ -29,6 +28,7 @@ from trocar.services.messages.page_style import styled
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_text
 from trocar.services.runtime.web.web_host import KnownHost, listen
+from trocar.services.runtime.web.web_server import make_server
 from trocar.services.training.scenario import scenario_names
 
 #: Nobody else reads the class page, and no browser keeps it.
@@ -168,9 +168,8 @@ def serve(file: Path, host: str, port: int) -> None:
     sock = listen(host, port, "--port N")
     shown = sock.getsockname()
     print(f"the class: open http://{shown[0]}:{shown[1]}/#token={classroom.roll.token}", flush=True)  # noqa: T201
-    config = uvicorn.Config(build_app(classroom), log_level="warning", access_log=False, lifespan="off", ws="none")
     try:
-        uvicorn.Server(config).run(sockets=[sock])
+        make_server(build_app(classroom)).run(sockets=[sock])
     finally:
         classroom.close()
 

@@ -12,8 +12,6 @@ import socket
 import sys
 from contextlib import suppress
 
-import uvicorn
-
 from trocar.review.school.app import build_app
 from trocar.review.school.bench import Bench
 from trocar.review.school.listening import Listener
@@ -23,11 +21,11 @@ from trocar.review.settings.files import ConfigurationFiles
 from trocar.review.settings.host import Host
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.web.web_server import make_server, serve_until
 from trocar.services.supervisor.page.page_link import Link, PageSetup
 from trocar.services.supervisor.page.school import socket_path
 from trocar.services.training.site import Site, find_site
 
-_LOOK_S = 0.2  # a rig that ends waits for it up to five seconds
 _NICE = 5  # as the window's: after the rig, but not after everything else on the machine
 _log = logging.getLogger("school")
 
@@ -40,15 +38,13 @@ def _site_of(setup: PageSetup) -> Site | None:
         return None
 
 
-async def _serve(server: uvicorn.Server, sock: socket.socket, link: Link) -> None:
-    serving = asyncio.create_task(server.serve(sockets=[sock]))
-    while not serving.done():
-        await asyncio.sleep(_LOOK_S)
-        try:
-            link.receive(PageSetup)
-        except ConnectionError:  # the supervisor has ended
-            server.should_exit = True
-            await serving
+def _has_ended(link: Link) -> bool:
+    """Return whether the supervisor has ended."""
+    try:
+        link.receive(PageSetup)
+    except ConnectionError:
+        return True
+    return False
 
 
 def main(descriptor: int) -> int:
@@ -70,11 +66,9 @@ def main(descriptor: int) -> int:
     sock.listen(16)
     listener = Listener(rig, bench.terms(), bench.take_assessment)
     settings = Settings(ConfigurationFiles(), Host(rig, setup.asked, setup.scene, folder_of(None)))
-    config = uvicorn.Config(
-        build_app(bench, settings), log_level="warning", access_log=False, lifespan="off", ws="none"
-    )
+    server = make_server(build_app(bench, settings))
     try:
-        asyncio.run(_serve(uvicorn.Server(config), sock, link))
+        asyncio.run(serve_until(server, sock, lambda: _has_ended(link)))
     finally:
         listener.close()
         path.unlink(missing_ok=True)

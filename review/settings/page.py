@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 
-import uvicorn
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -30,6 +29,7 @@ from trocar.services.runtime.config.config import find, load_rig
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_files
 from trocar.services.runtime.web.web_host import KnownHost, listen
+from trocar.services.runtime.web.web_server import make_server
 from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.supervisor.page.web import UNTOLD
 
@@ -91,5 +91,4 @@ def serve(rig_name: str, scene: str, overrides: Sequence[str], port: int) -> Non
     app = build_app(settings, Journal(replays.with_suffix(".journal")), token)
     with closing(listen(HOST, port, "--port N")) as sock:
         print(f"the settings: open http://{HOST}:{sock.getsockname()[1]}/#token={token}", flush=True)  # noqa: T201
-        config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
-        uvicorn.Server(config).run(sockets=[sock])
+        make_server(app).run(sockets=[sock])

@@ -5,27 +5,28 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
-import socket
 import threading
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import uvicorn
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
 from starlette.requests import Request as HttpRequest
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from trocar.services.anatomy.making import MadeAnatomy, Request, propose, rounded_mm
 from trocar.services.meshes.errors import MeshError
+from trocar.services.runtime.web.web_host import KnownHost, listen
+from trocar.services.runtime.web.web_server import make_server, serve_until
 
 HOST = "127.0.0.1"
 _MOST_BYTES = 100_000
-_LOOK_S = 0.2
 _FILES = {"anatomy.html": "text/html", "anatomy.js": "text/javascript", "anatomy.css": "text/css"}
 Save = Callable[[MadeAnatomy], None]
 
@@ -53,37 +54,25 @@ class EditPage:
                 Route("/api/duct", self._duct, methods=["GET"]),
                 Route("/api/save", self._take, methods=["POST"]),
                 Route("/api/end", self._end, methods=["POST"]),
-            ]
+            ],
+            middleware=[Middleware(KnownHost)],
         )
 
     def serve(self, port: int, on_address: Callable[[str], None]) -> None:
         """Serve until the page is told to end, or Ctrl-C; a port of 0 takes a free one.
 
-        Raises OSError if the port is taken.
+        Raises BusError if the port is taken.
         """
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listener:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((HOST, port))
+        with closing(listen(HOST, port, "--port N")) as listener:
             on_address(f"http://{HOST}:{listener.getsockname()[1]}/?token={self.token}")
-            asyncio.run(self._run(listener))
-
-    async def _run(self, listener: socket.socket) -> None:
-        server = uvicorn.Server(uvicorn.Config(self.app, log_level="warning", access_log=False))
-        serving = asyncio.create_task(server.serve(sockets=[listener]))
-        while not self._ended.is_set() and not serving.done():
-            await asyncio.wait((serving,), timeout=_LOOK_S)
-        server.should_exit = True
-        await serving
+            asyncio.run(serve_until(make_server(self.app), listener, self._ended.is_set))
 
     def end(self) -> None:
         """End serving; from any thread."""
         self._ended.set()
 
     def _admit(self, request: HttpRequest) -> None:
-        """Refuse who does not have the token, and a name by which another site could reach this page."""
-        host = request.headers.get("host", "").rpartition(":")[0]
-        if host not in (HOST, "localhost"):
-            raise HTTPException(403, f"is reached as {HOST} only")
+        """Refuse who does not have the token."""
         given = request.query_params.get("token", "")
         if not secrets.compare_digest(given.encode(), self.token.encode()):
             raise HTTPException(403, "open the address that `trocar anatomy --edit` printed")

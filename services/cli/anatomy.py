@@ -96,10 +96,7 @@ def _edit(made: MadeAnatomy, folder: Path, port: int) -> None:
             "--edit: the page is not built; `python -m trocar.services.visualization.web.build` builds it"
         )
     page = EditPage(made, lambda each: _write(each, folder), DIST)
-    try:
-        page.serve(port, lambda address: print(f"open {address}\nCtrl-C, or End on the page, ends it", flush=True))
-    except OSError as error:
-        raise ConfigError(f"--port {port}: cannot listen: {(error.strerror or str(error)).lower()}") from None
+    page.serve(port, lambda address: print(f"open {address}\nCtrl-C, or End on the page, ends it", flush=True))
 
 
 def _metres(option: str, millimetres: float | None) -> float | None:

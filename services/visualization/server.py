@@ -11,7 +11,6 @@ from typing import Annotated
 from urllib.parse import urlsplit
 
 import msgspec
-import uvicorn
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -25,6 +24,7 @@ from trocar.services.runtime.loop.loop import sleep_until
 from trocar.services.runtime.web.web_certificate import Certificate
 from trocar.services.runtime.web.web_headers import SafeHeaders
 from trocar.services.runtime.web.web_host import KnownHost, host_of, is_this_host, listen
+from trocar.services.runtime.web.web_server import make_server
 from trocar.services.visualization.camera_feed import CameraFeed
 from trocar.services.visualization.feed import MARGIN_NS, Feed, Feeds
 from trocar.services.visualization.page_hands import PageHands
@@ -61,27 +61,19 @@ class ViewServer:
         self._camera = camera
         self._socket = listen(settings.host, settings.port, "--set visualization.port=N")
         self.port: int = self._socket.getsockname()[1]
-        config = uvicorn.Config(
-            Starlette(
-                routes=[
-                    WebSocketRoute("/ws", self._view),
-                    WebSocketRoute("/hands", self._serve_hands),
-                    Route("/snapshot.png", self._snapshot),
-                    Route("/camera.mjpeg", self._mjpeg),
-                    Route("/healthz", _alive),
-                ],
-                middleware=[Middleware(SafeHeaders), Middleware(KnownHost)],
-            ),
-            log_level="warning",
-            lifespan="off",
-            ws="websockets-sansio",
-            ws_per_message_deflate=False,
-            ws_max_size=1024,
-            timeout_graceful_shutdown=1,
-            **(certificate.server_options() if certificate else {}),
+        app = Starlette(
+            routes=[
+                WebSocketRoute("/ws", self._view),
+                WebSocketRoute("/hands", self._serve_hands),
+                Route("/snapshot.png", self._snapshot),
+                Route("/camera.mjpeg", self._mjpeg),
+                Route("/healthz", _alive),
+            ],
+            middleware=[Middleware(SafeHeaders), Middleware(KnownHost)],
         )
+        sockets = {"ws": "websockets-sansio", "ws_per_message_deflate": False, "ws_max_size": 1024}
         self._loop = asyncio.new_event_loop()
-        self._server = uvicorn.Server(config)
+        self._server = make_server(app, certificate, **sockets)
         self._server.capture_signals = contextlib.nullcontext  # the process handles signals, by ending its loop
         self._serving = self._loop.create_task(self._server.serve(sockets=[self._socket]))
 

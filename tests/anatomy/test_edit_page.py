@@ -64,7 +64,7 @@ def test_only_who_has_the_token_sees_the_duct(served: Served) -> None:
         assert served.get(path, "wrong").status_code == 403
     assert served.ask("POST", "/api/save", json={}).status_code == 403
     assert served.ask("GET", "/secret.txt").status_code == 404
-    assert served.ask("GET", "/", headers={"host": "evil.example:8000"}).status_code == 403
+    assert served.ask("GET", "/", headers={"host": "evil.example:8000"}).status_code == 421
 
 
 def test_it_shows_the_duct_where_it_lies_in_the_patient(served: Served, anatomy: MadeAnatomy) -> None:

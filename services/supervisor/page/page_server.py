@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 from typing import get_args
 
 import msgspec
-import uvicorn
 
 import trocar.protocol.bodies as bodies
 from trocar.services.diagnosis.thread_usage import ThreadUsage
@@ -29,6 +28,7 @@ from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.process.process import listen_as
 from trocar.services.runtime.realtime.autogroup import set_group_niceness
 from trocar.services.runtime.web.web_certificate import load_for
+from trocar.services.runtime.web.web_server import make_server, serve_until
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control
 from trocar.services.supervisor.page import dashboard
@@ -147,41 +147,33 @@ def _class_token(rig: Rig) -> str:
 
 
 async def _serve(context: PageContext, page_data: PageData, bus: Bus, link: Link, sock: socket.socket) -> None:
-    config = uvicorn.Config(
-        build_app(context), log_level="error", access_log=False, lifespan="off", ws="none", timeout_graceful_shutdown=1,
-        **(certificate.server_options() if (certificate := load_for(context.rig)) else {}),
-    )  # fmt: skip
-    server = uvicorn.Server(config)
-    following = asyncio.create_task(_follow(context, page_data, bus, link, server))
-    await server.serve(sockets=[sock])
-    following.cancel()
+    server = make_server(build_app(context), load_for(context.rig), log_level="error")
+    await serve_until(server, sock, lambda: not _follow(context, page_data, bus, link), STATUS_S)
 
 
-async def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Link, server: uvicorn.Server) -> None:
-    """Update the page's data five times a second, until the supervisor ends."""
-    while True:
-        try:
-            page_data.status = link.newest(RigStatus) or page_data.status
-        except ConnectionError:
-            context.closing = True
-            server.should_exit = True
-            return
-        page_data.hear_reports(bus)
-        status = page_data.status
-        if status is not None:
-            page_data.sample_threads(status)
-            link.send(Heartbeat())
-            context.latest = _encoder.encode(
-                dashboard.snapshot(
-                    status,
-                    page_data.heard,
-                    page_data.rig,
-                    context.scene,
-                    page_data.threads.report(),
-                    page_data.task.attempt,
-                )
+def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Link) -> bool:
+    """Update the page's data; return False once the supervisor has ended."""
+    try:
+        page_data.status = link.newest(RigStatus) or page_data.status
+    except ConnectionError:
+        context.closing = True
+        return False
+    page_data.hear_reports(bus)
+    status = page_data.status
+    if status is not None:
+        page_data.sample_threads(status)
+        link.send(Heartbeat())
+        context.latest = _encoder.encode(
+            dashboard.snapshot(
+                status,
+                page_data.heard,
+                page_data.rig,
+                context.scene,
+                page_data.threads.report(),
+                page_data.task.attempt,
             )
-        await asyncio.sleep(STATUS_S)
+        )
+    return True
 
 
 if __name__ == "__main__":
