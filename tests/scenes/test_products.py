@@ -10,11 +10,11 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from tests.refusals import assert_refused
 from trocar.services.cli.app import app
 from trocar.services.mechanics.scene import CatheterScene, CatheterSection, GuideWireScene
 from trocar.services.runtime.config import config
 from trocar.services.runtime.config.products import load_product, product_names
-from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes.load import load_scene, scene_origins
 
 HARRISON_GPA = {"amplatz": 9.5, "amplatz_stiff": 17.0, "amplatz_extra_stiff": 29.2, "amplatz_super_stiff": 60.3,
@@ -89,12 +89,10 @@ def test_a_saved_scene_needs_no_product(tmp_path: Path) -> None:
         ({"value": "wide"}, "values.outer_diameter_m.value"),
     ],
 )
-def test_a_file_that_is_wrong_is_refused(tmp_path: Path, changed: dict, told: str) -> None:
+def test_a_mistake_in_a_product_is_one_sentence(tmp_path: Path, changed: dict, told: str) -> None:
     mine = yaml.safe_load((config.config_directory() / "catheters" / "cholangiography_4fr.yaml").read_text())
     mine["values"]["outer_diameter_m"] |= changed
-    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(mine))
-    with pytest.raises(ConfigError, match=told):
-        load_product(tmp_path / "mine.yaml")
+    assert_refused(load_product, tmp_path / "mine.yaml", yaml.safe_dump(mine), told)
 
 
 def test_they_are_listed() -> None:
