@@ -5,26 +5,17 @@ from __future__ import annotations
 import asyncio
 import struct
 from collections.abc import Iterator
-from typing import BinaryIO
 
 HELLO, FRAME, RENDER, IMAGE = b"H", b"F", b"R", b"I"
 #: Window messages: notice of the rig's state; opened, picture painted (its sequence as eight bytes), closed.
 NOTICE, OPEN, PAINTED, CLOSED = b"N", b"O", b"P", b"C"
+READ_BYTES = 1 << 20  # Linux: the most that a pipe of a user can hold (pipe-max-size)
 _HEAD = struct.Struct("<cI")
 
 
 def pack(kind: bytes, data: bytes) -> bytes:
     """Return a message."""
     return _HEAD.pack(kind, len(data)) + data
-
-
-def read(stream: BinaryIO) -> tuple[bytes, bytes] | None:
-    """Return kind and bytes of the next message, None at the end of the stream."""
-    head = stream.read(_HEAD.size)
-    if len(head) < _HEAD.size:
-        return None
-    kind, length = _HEAD.unpack(head)
-    return kind, stream.read(length)
 
 
 async def read_message(stream: asyncio.StreamReader) -> tuple[bytes, bytes]:

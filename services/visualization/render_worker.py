@@ -15,7 +15,7 @@ from trocar.services.runtime.errors import UserError
 from trocar.services.visualization import codec
 from trocar.services.visualization.picture import PictureLayout
 from trocar.services.visualization.render import Renderer
-from trocar.services.visualization.render_pipe import FRAME, HELLO, IMAGE, RENDER, pack, read
+from trocar.services.visualization.render_pipe import FRAME, HELLO, IMAGE, READ_BYTES, RENDER, Splitter, pack
 
 _JPEG_QUALITY = 80  # assumption: a little above Pillow's default of 75, as a catheter has thin edges
 
@@ -29,15 +29,16 @@ def main() -> int:
         sys.stderr.write(f"{error}\n")
         return error.exit_code
     layout: PictureLayout | None = None
-    while (message := read(sys.stdin.buffer)) is not None:
-        kind, data = message
-        if kind == HELLO:
-            layout = codec.decode_hello(data.decode())
-        elif kind == FRAME and layout is not None:
-            renderer.update(layout, codec.decode(data, layout)[0])
-        elif kind == RENDER:
-            sys.stdout.buffer.write(pack(IMAGE, _encode(renderer, data.decode())))
-            sys.stdout.buffer.flush()
+    splitter = Splitter()
+    while arrived := os.read(sys.stdin.fileno(), READ_BYTES):
+        for kind, data in splitter.feed(arrived):
+            if kind == HELLO:
+                layout = codec.decode_hello(data.decode())
+            elif kind == FRAME and layout is not None:
+                renderer.update(layout, codec.decode(data, layout)[0])
+            elif kind == RENDER:
+                sys.stdout.buffer.write(pack(IMAGE, _encode(renderer, data.decode())))
+                sys.stdout.buffer.flush()
     renderer.close()
     return 0
 

@@ -26,7 +26,17 @@ from trocar.services.visualization.overlay import Overlay
 from trocar.services.visualization.picture import Picture, PictureLayout
 from trocar.services.visualization.render import Renderer
 from trocar.services.visualization.render_governor import RUNGS, RenderGovernor
-from trocar.services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, Splitter, pack
+from trocar.services.visualization.render_pipe import (
+    CLOSED,
+    FRAME,
+    HELLO,
+    NOTICE,
+    OPEN,
+    PAINTED,
+    READ_BYTES,
+    Splitter,
+    pack,
+)
 
 _SIZE = (1280, 720)  # HD; a person may enlarge it, and the governor draws fewer pixels where it must, as in software
 #: A key or a mouse is heard within less than a picture at 60 Hz; figures that change faster than four times a second
@@ -151,7 +161,7 @@ def main() -> int:
     while not window.closed:
         sequence = None
         if select.select([sys.stdin], [], [], _EVENTS_EVERY_S)[0]:
-            data = os.read(sys.stdin.fileno(), 1 << 20)
+            data = os.read(sys.stdin.fileno(), READ_BYTES)
             if not data:
                 window.close()
                 return 0

@@ -14,7 +14,7 @@ from tests.visualization.small_duct import make_duct
 from trocar.services.mechanics.scene import ForcepsScene
 from trocar.services.visualization import codec
 from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
-from trocar.services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read
+from trocar.services.visualization.render_pipe import FRAME, HELLO, RENDER, Splitter, pack
 
 pytestmark = [
     pytest.mark.skipif(find_spec("pyvista") is None, reason="pyvista is not installed (extra `view`)"),
@@ -40,10 +40,15 @@ def render(*messages: bytes) -> list[bytes]:
         input=b"".join(messages), capture_output=True, timeout=500,
     )  # fmt: skip
     assert done.returncode == 0, f"the worker ended with {done.returncode}: {done.stderr.decode()[-2000:]}"
-    stream, images = io.BytesIO(done.stdout), []
-    while (message := read(stream)) is not None:
-        images.append(message[1])
-    return images
+    return [image for _, image in Splitter().feed(done.stdout)]
+
+
+@pytest.mark.parametrize("size", [1, 4, 5, 7, 1000])
+def test_messages_are_whole_however_they_arrive(size: int) -> None:
+    sent = [(FRAME, b"abc"), (HELLO, b""), (RENDER, bytes(300))]
+    stream, splitter = b"".join(pack(*each) for each in sent), Splitter()
+    parts = [stream[k : k + size] for k in range(0, len(stream), size)]
+    assert [each for part in parts for each in splitter.feed(part)] == sent
 
 
 def pixels(data: bytes) -> np.ndarray:
