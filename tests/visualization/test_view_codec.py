@@ -56,8 +56,8 @@ def test_a_layout_comes_back_as_it_was():
     back = codec.decode_hello(codec.encode_hello(layout))
     np.testing.assert_array_equal(back.rest_m, layout.rest_m)
     np.testing.assert_array_equal(back.triangles, layout.triangles)
-    plain = {"rest_m": layout.rest_m, "triangles": layout.triangles}
-    assert replace(back, **plain) == layout
+    without = {"rest_m": None, "triangles": None}  # arrays have no truth value when they are compared
+    assert replace(back, **without) == replace(layout, **without)
 
 
 def test_a_picture_comes_back_as_it_was():
