@@ -222,7 +222,7 @@ class AskedArm(Arm):
         self._link = link
         self._motion.forget_motion()
         self._force = LimitedForce(self._rate_n_s)
-        self._was_calibrated = self._limp = False
+        self.calibrated = self._was_calibrated = self._limp = False
         self._missed = 0.0
         self._problem = self._told_prompt = ""
         self._silent_ns, self._read_ns = 0, self._clock.monotonic_ns()

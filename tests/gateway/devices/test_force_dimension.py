@@ -165,6 +165,21 @@ def test_a_place_that_no_hand_reaches_is_not_believed_and_then_a_fault(bench: Dh
     bench.until(lambda: bench.pushes() and not bench.arm.fault)
 
 
+def test_an_arm_that_is_opened_anew_between_two_ticks_gets_its_first_force_with_its_motors_on(bench: DhdBench) -> None:
+    """What it was before says nothing of what it is now: a force before its motors are on would come in one step later."""
+    bench.open()
+    bench.until(bench.pushes)
+    bench.standin.c.standin_place(0, math.inf, 0.0, 0.0)
+    bench.until(lambda: bool(bench.arm.fault))
+    bench.standin.c.standin_place(0, 0.0, 0.0, 0.0)
+    bench.arm.clear_fault()
+    time.sleep(0.5)  # it is open before the next tick
+    for _ in range(4):
+        bench.run(1)
+        time.sleep(MAX_STEP_S)
+    bench.until(bench.pushes)
+
+
 def break_down(bench: DhdBench, wrong: int) -> None:
     bench.standin.c.standin_fail(wrong)
 
