@@ -139,9 +139,12 @@ def _wall_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: Co
 
 @kernel
 def slide_holds(
-    state_address: Address[ContactState], holds_address: Address[HoldArrays], span: tuple[int, int]
+    state_address: Address[ContactState], holds_address: Address[HoldArrays], span: tuple[int, int], share: float
 ) -> tuple[float, bool]:
-    """Slide the holds at their force limit by the slip that was solved; ``span`` is (first row, number of rows).
+    """Slide the holds at their force limit by the share of the solved slip that has happened.
+
+    ``span`` is (first row, number of rows). A solve that was cut short leaves a slip to holds below their limit too: if
+    their springs stored it, they would give out energy that nobody has put in.
 
     Return the energy in J that this dissipated, and whether a hold was lost.
     """
@@ -151,9 +154,11 @@ def slide_holds(
     first, count = span
     for slot in range(count):
         row = first + slot
+        state.slides[row] |= state.problem.is_cut
         if not state.slides[row]:
             continue
-        u = state.problem.motion[3 * row], state.problem.motion[3 * row + 1], state.problem.motion[3 * row + 2]
+        motion, at = state.problem.motion, 3 * row
+        u = share * motion[at], share * motion[at + 1], share * motion[at + 2]
         dissipated_j -= dot(vector(rows.force_n, row), u)
         slip = in_world(rows, row, u)
         holds.slipped_m[slot] += math.sqrt(dot(slip, slip))

@@ -144,12 +144,12 @@ class HoldRegistry:
         for row, request in zip(self.rows, self.active.values(), strict=False):
             self._system.rows.force_limit_n[row] = request.limit_n
 
-    def slide(self) -> None:
-        """Slide the holds at their force limit by the slip that the solve has found, and end those that are lost."""
+    def slide(self, share: float) -> None:
+        """Slide the holds at their limit by the share of the solved slip that has happened, and end those lost."""
         if not self.rows:
             return
         span = self.rows.start, len(self.rows)
-        dissipated_j, is_lost = slide_holds(self._system.address, self.arrays.address, span)
+        dissipated_j, is_lost = slide_holds(self._system.address, self.arrays.address, span, share)
         self.dissipated_j += dissipated_j
         if is_lost:
             for hold_id in [hold_id for hold_id, lost in zip(self.active, self.arrays.lost, strict=False) if lost]:

@@ -196,10 +196,10 @@ class Simulation:
         if self.watcher is not None:
             self.watcher.begin()
         self._start.save()
-        self.share, known = 1.0, self.solver.pricing.n_known
+        self.share, found = 1.0, self.solver.pricing.n_found
         if not self._move(tools, dt_s):
             self.share = self._find_share(dt_s)
-            if self.solver.pricing.n_known == known:
+            if self.solver.pricing.n_found == found:
                 self._stuck.note_failed(dt_s)
             may_divide = dt_s > SHORTEST_STEP_S and not self.solver.is_spent
             if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
@@ -418,7 +418,7 @@ class Simulation:
         if self.wire_drive is not None:
             self.wire_drive.settle()
         self.seal.slide()
-        self.holds.slide()
+        self.holds.slide(self.share)
         self.search.update_working_set(self.system.address)
         if self.wire_drive is not None:
             self.wire_drive.give(self._tool_force)

@@ -14,6 +14,9 @@ from trocar.services.mechanics.world import World
 
 #: Candidates are priced at most this often in a step; remaining violations become rows of the next step.
 MAX_PRICINGS = 8
+#: Places that another try from the same start begins with, at most: those of two prices and more. With all that many
+#: tries find, a solve alone takes the work of a tick.
+MOST_KNOWN = 64
 # Work is told in block products (3 x 3) of a solve, which take 2.3 ns each where they are fastest. What else costs as
 # much was measured in drawn cases (some 700 steps each, of 20 to 170 rows and up to 1,300 candidates), beside them.
 #: Block products that a tick may take before it keeps what is sound by then: 14 ms, which leaves time for six looks.
@@ -32,6 +35,7 @@ class Pricing:
 
     Attributes:
         new_rows: int. Number of rows added since the start.
+        n_found: int. Number of places since the start that were found to end too deep without a row.
         is_off: bool. Whether nothing is priced: the contact model or the catheter's integrator is another.
     """
 
@@ -41,9 +45,9 @@ class Pricing:
         self._ends = SavedArrays([*duct.corrected_arrays(), *catheter.corrected_arrays(), *tools.corrected_arrays()])
         self._touched = catheter.touched
         self._pairs = ContactPairs.zeros(capacity=world.scene.contact.capacity)
-        self._known = ContactPairs.zeros(capacity=world.scene.contact.capacity)
+        self._known = ContactPairs.zeros(capacity=MOST_KNOWN)
         self.is_off = not world.system.strategy.keeps_delassus or catheter.plain_integrator is None
-        self.new_rows = 0
+        self.new_rows = self.n_found = 0
 
     def save(self) -> None:
         """Save the bodies' state before forces are applied."""
@@ -55,7 +59,12 @@ class Pricing:
         """Return whether a candidate without a row ends too deep; the places are known until they are forgotten."""
         if self.is_off or self._search.price(self._world.system, self.tolerance_m, self._pairs) == 0:
             return False
-        append_copies(self._known.address, self._pairs.address)
+        known = self._known
+        if known.count + self._pairs.count > MOST_KNOWN:
+            known.clear()
+        self.n_found -= known.count
+        append_copies(known.address, self._pairs.address)
+        self.n_found += known.count
         return True
 
     @property

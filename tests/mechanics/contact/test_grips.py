@@ -9,7 +9,8 @@ from tests.by_day import by_day
 from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
 from trocar.services.mechanics.contact.laws import GRIP_SOFTNESS_M_N
 from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
-from trocar.services.mechanics.simulation import Simulation
+from trocar.services.mechanics.simulation import Simulation, step_solver
+from trocar.studies.grip_energy import stored_in_grips
 from trocar.studies.judge.overlaps import OverlapJudge
 
 LIMIT_N = 0.05
@@ -119,3 +120,19 @@ def test_jaws_that_drag_a_catheter_hard_stay_out_of_it(gripping, aside):
         felt_n = max(felt_n, float(np.linalg.norm(simulation.tool_results.force_n[1])))
     assert felt_n > 0.1
     assert judge.deepest["tool in catheter"] < 0.1e-3
+
+
+def test_a_hold_stores_what_it_bears_where_a_solve_is_cut_short(gripping, monkeypatch):
+    """Its spring had stored a slip that no force opposed: 0.4 J in a tick for 5 mJ of the hands."""
+    simulation, tools, at = gripping
+    cut, rows = 0, simulation.contacts
+    monkeypatch.setattr(step_solver, "MOST_PRODUCTS", step_solver.PART_PRODUCTS)
+    for tick in range(30):
+        pull(simulation, tools, at, 0.1e-3 * tick)
+        simulation.step(tools)
+        if simulation.share > 0.0 and simulation.system.is_cut:
+            held = list(simulation.holds.rows)
+            borne_j = 0.5 * float(np.sum(rows.softness_m_n[held] * rows.force_n[held] ** 2))
+            assert stored_in_grips(simulation).total_j - simulation.seal.stored_j == pytest.approx(borne_j, rel=1e-9)
+            cut += 1
+    assert cut
