@@ -127,13 +127,12 @@ class _FixedContactSearch(CandidateSearch):
         """Do nothing: no tool overlaps a body."""
         system.bodies.tools.disengaged[:] = False
 
-    def collect(self, system: ContactSystem, pairs: ContactPairs) -> None:
-        """Write the jaw's contacts."""
-        self.begin(system)
-        _write_touches(pairs)
-
     def restore_start(self) -> None:
         """Do nothing: there is no state."""
+
+    def write_pairs(self, state: Address[ContactState], pairs: ContactPairs) -> None:
+        """Write the jaw's contacts."""
+        _write_touches(pairs)
 
     def set_spheres(self, spheres: Spheres) -> None:
         """Do nothing: spheres have no contact."""

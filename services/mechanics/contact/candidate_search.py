@@ -166,11 +166,6 @@ class CandidateSearch:
         """Append the chosen candidates and pairs with the catheter; engage tools that overlap no body."""
         write_pairs(self._arrays.address, state, pairs.address)
 
-    def collect(self, system: ContactSystem, pairs: ContactPairs) -> None:
-        """Begin a step and write its pairs: `begin` and `write_pairs` in one call of a kernel."""
-        addresses = self._arrays.address, system.address, system.bodies.duct.loads_address
-        collect_pairs(addresses, pairs.address)
-
     def price(self, system: ContactSystem, tolerance_m: float, pairs: ContactPairs) -> int:
         """Write pairs of the candidates that end the step too deep, and return their number."""
         duct = system.bodies.duct
@@ -234,18 +229,6 @@ def begin_step(
     search.is_measured = False
     choose(listed, search.found, search.working, search.ahead, state.geometry.tools)
     copy_configuration(search.start_wall, known.wall)
-
-
-@kernel
-def collect_pairs(
-    addresses: tuple[Address[SearchArrays], Address[ContactState], Address[DuctLoads]],
-    pairs_address: Address[ContactPairs],
-) -> None:
-    """Do as `begin_step`, and as `write_pairs` to pairs without entries."""
-    pairs = pairs_at(pairs_address)
-    pairs.count = pairs.dropped = 0
-    begin_step(addresses[0], addresses[1], addresses[2])
-    write_pairs(addresses[0], addresses[1], pairs_address)
 
 
 @kernel

@@ -382,7 +382,9 @@ class Simulation:
         self.seal.append_row()
         self.squeeze.append_rows()
         pairs = self.world.pairs
-        search.collect(system, pairs)
+        pairs.clear()
+        search.begin(system)
+        search.write_pairs(system.address, pairs)
         wanted = self._grasp(tools, pairs) if tools.holds is None else tools.holds
         self.holds.follow(wanted if self.drive is None else [*wanted, *self.drive.holds()])
         if self.holds.has_begun:
