@@ -10,7 +10,7 @@ from trocar.protocol.bodies.haptics import tool_table
 from trocar.services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from trocar.services.mechanics.compiled.struct import Address
-from trocar.services.mechanics.contact.candidate_search import CandidateSearch
+from trocar.services.mechanics.contact.candidate_search import CandidateSearch, LayersOut
 from trocar.services.mechanics.contact.spheres import Spheres
 from trocar.services.mechanics.contact.state import ContactState
 from trocar.services.mechanics.contact.system import ContactSystem
@@ -150,7 +150,7 @@ class _FixedContactSearch(CandidateSearch):
     def update_working_set(self, state: Address[ContactState]) -> None:
         """Do nothing: there is no state."""
 
-    def count_layers(self, system: ContactSystem, tools: BoolArray, out: FloatArray) -> None:
+    def count_layers(self, system: ContactSystem, tools: BoolArray, out: LayersOut, fewer: float) -> None:
         """Do nothing: nothing lies between the jaws."""
 
     def forget(self) -> None:

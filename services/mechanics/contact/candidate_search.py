@@ -60,6 +60,7 @@ from trocar.services.mechanics.reduction import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.tools import N_TOOLS
 
+LayersOut = tuple[FloatArray, FloatArray]
 #: Maximum number of closest pairs: a duct that two jaws have pinched shut has 600 within a millimetre.
 CAPACITY = 4096
 
@@ -185,9 +186,12 @@ class CandidateSearch:
         """Age the working set by a step, and renew the features whose contacts carried a force in it."""
         update_working_set(self._arrays.address, state)
 
-    def count_layers(self, system: ContactSystem, tools: BoolArray, out: FloatArray) -> None:
-        """Write how many layers of wall these tools (2,) have in their jaws, by cells (2, N_CELLS); see `layers`."""
-        count_layers_of(self._arrays.address, system.address, tools, out)
+    def count_layers(self, system: ContactSystem, tools: BoolArray, out: LayersOut, fewer: float) -> None:
+        """Count the layers of wall that these tools (2,) have in their jaws, by cells (2, N_CELLS); see `layers`.
+
+        ``out`` is (what is counted, what holds): of that more is taken over at once, fewer by ``fewer`` at most.
+        """
+        count_layers_of(self._arrays.address, system.address, tools, out, fewer)
 
     def set_catheter_row_gap(self, gap_m: float) -> None:
         """Give the catheter rows from this gap (m) on, for laws that act across a gap."""
@@ -314,14 +318,24 @@ def write_pairs(
 
 @kernel
 def count_layers_of(
-    address: Address[SearchArrays], state_address: Address[ContactState], tools: BoolArray, out: FloatArray
+    address: Address[SearchArrays],
+    state_address: Address[ContactState],
+    tools: BoolArray,
+    out: LayersOut,
+    fewer: float,
 ) -> None:
-    """Count the layers between the jaws of those tools (2,) that are named, at the end of the step."""
+    """Count the layers between the jaws of those tools (2,) that are named, at the end of the step, and take them over.
+
+    For ``out`` and ``fewer`` see `CandidateSearch.count_layers`.
+    """
     search, geometry = search_at(address), state_at(state_address).geometry
     for tool in range(tools.shape[0]):
         if tools[tool]:
             frame = search.tools_at_start.frame[tool]
-            count_layers(search.known.list, search.beside, geometry, tool, frame, out[tool])
+            counted, layers = out[0][tool], out[1][tool]
+            count_layers(search.known.list, search.beside, geometry, tool, frame, counted)
+            for cell in range(counted.shape[0]):
+                layers[cell] = max(counted[cell], layers[cell] - fewer)
 
 
 @kernel

@@ -13,6 +13,7 @@ from trocar.services.mechanics.compiled.vectors import Vector, dot
 from trocar.services.mechanics.contact.rows import ContactRows
 
 Block = tuple[Vector, Vector, Vector]
+# The block of two rows without a common body: turned, it is what it was.
 _NOTHING: Block = ((0.0, 0.0, 0.0),) * 3
 
 
@@ -74,7 +75,7 @@ def rotate_to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
         frame = _load(rows.frame[a], 0, 0)
         for b in range(a + 1):
             block = _load(W, 3 * a, 3 * b)
-            if block == _NOTHING:  # rows without a common body
+            if block == _NOTHING:
                 _store(W, 3 * b, 3 * a, block)
                 continue
             half = _rows_along(block, _load(rows.frame[b], 0, 0))

@@ -93,6 +93,7 @@ class JawSqueeze:
         self.arrays = SqueezeArrays.zeros(wall=wall)
         self.arrays.row[:] = NO_ROOM
         self.occupied = wall.occupied
+        self._layers = self.arrays.counted, wall.layers
 
     @property
     def rows(self) -> range:
@@ -122,13 +123,11 @@ class JawSqueeze:
     def update(self, dt_s: float, search: CandidateSearch) -> None:
         """Update the energies after the jaws have moved, occupy and release cells, and count the layers in them."""
         if update_squeezes(self._system.address, self.arrays.address, dt_s):
-            search.count_layers(self._system, self.arrays.squeezes, self.arrays.counted)
-            update_layers(self.arrays.address, dt_s)
+            search.count_layers(self._system, self.arrays.squeezes, self._layers, dt_s / RELEASE_S)
 
     def compile_kernels(self, search: CandidateSearch) -> None:
-        """Compile the kernels that only squeezing jaws need."""
-        search.count_layers(self._system, np.zeros(N_TOOLS, np.bool_), self.arrays.counted)
-        update_layers(self.arrays.address, 0.0)
+        """Compile the kernel that only squeezing jaws need."""
+        search.count_layers(self._system, np.zeros(N_TOOLS, np.bool_), self._layers, 0.0)
 
     def write_reactions(self) -> None:
         """Write the forces on jaws B, after the solve has found those on jaws A."""
@@ -313,14 +312,3 @@ def _update_cells(squeeze: SqueezeArrays, tool: int, opening_rad: float, dt_s: f
             wall.occupied[tool, cell], wall.free_m[tool, cell] = 1.0, min(gap, wall.thickness_m)
         elif not is_touched:
             wall.occupied[tool, cell] = max(wall.occupied[tool, cell] - dt_s / RELEASE_S, 0.0)
-
-
-@kernel
-def update_layers(squeeze_address: Address[SqueezeArrays], dt_s: float) -> None:
-    """Take over the layers that were counted in the jaws that squeeze: more at once, fewer gradually."""
-    squeeze = squeeze_at(squeeze_address)
-    for tool in range(squeeze.squeezes.shape[0]):
-        if squeeze.squeezes[tool]:
-            layers = squeeze.wall.layers[tool]
-            for cell in range(N_CELLS):
-                layers[cell] = max(squeeze.counted[tool, cell], layers[cell] - dt_s / RELEASE_S)

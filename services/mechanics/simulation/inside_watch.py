@@ -29,6 +29,8 @@ class InsideWatch:
 
     def look(self, present: Sequence[bool], disengaged: Sequence[bool]) -> None:
         """Compare with the last tick."""
+        if True not in disengaged and True not in self.inside:  # as nearly always
+            return
         now = [there and waits for there, waits in zip(present, disengaged, strict=True)]
         before, self.inside = self.inside, now
         for tool, (was, is_) in enumerate(zip(before, now, strict=True)):

@@ -73,9 +73,9 @@ class StepSplitter:
         A wall that snaps moves 10 mm in a millisecond: it could pass a jaw that was not among the candidates. Its modes
         tell that anywhere; a thin wall moves as far by its loads alone, near them.
         """
-        duct, catheter_m = self._world.duct, furthest_point(*self._catheter_motion)
-        longer = max(duct.dt_s / LONGEST_STEP_S, 1.0)
-        wall_m = max(furthest(self._modes, duct.q_start, duct.state.q), self._world.search.wall_moved_m)
+        duct = self._world.duct
+        sampled_m, catheter_m = furthest_of((self._modes, duct.q_start, duct.state.q), self._catheter_motion)
+        longer, wall_m = max(duct.dt_s / LONGEST_STEP_S, 1.0), max(sampled_m, self._world.search.wall_moved_m)
         share = wall_m / LOOK_AHEAD_M
         if longer * catheter_m > SLOW_M:
             share = max(share, catheter_m / self._most_motion_m())
@@ -133,3 +133,11 @@ def furthest_point(start: FloatArray, end: FloatArray, present_at_end: BoolArray
             x, y, z = end[i, 0] - start[i, 0], end[i, 1] - start[i, 1], end[i, 2] - start[i, 2]
             largest_2 = max(largest_2, x * x + y * y + z * z)
     return math.sqrt(largest_2)
+
+
+@kernel
+def furthest_of(
+    wall: tuple[FloatArray, FloatArray, FloatArray], catheter: tuple[FloatArray, FloatArray, BoolArray, BoolArray]
+) -> tuple[float, float]:
+    """Return `furthest` of the wall and `furthest_point` of the catheter, in m."""
+    return furthest(wall[0], wall[1], wall[2]), furthest_point(catheter[0], catheter[1], catheter[2], catheter[3])
