@@ -137,6 +137,7 @@ class Physics:
             "dropped_holds": float(dropped.holds),
             "refused_inputs": float(self.simulation.refused_inputs),
             "healed_states": float(self.simulation.healed_states),
+            "withheld_s": self.simulation.withheld_s,
             "tools_inside": float(sum(self.simulation.inside_watch.inside)),
         }
 

@@ -20,6 +20,8 @@ test("unknown figures are dashes, never NaN", () => {
 
 test("what was dropped or refused is told, and nothing else", () => {
   assert.equal(losses({ dropped_contacts: 3, refused_basis: 1, dropped_holds: 0, temperature: 4 }), "dropped contacts 3, refused basis 1");
+  assert.equal(losses({ dropped_holds: 1, withheld_s: 2.5 }), "dropped holds 1, withheld 2.50 s");
+  assert.equal(losses({ withheld_s: 0 }), "");
   assert.equal(losses(undefined), "");
   assert.equal(busLoad({ "bus_load.left.grasp": 0.231, "bus_load.right.grasp": 0.463, late: 1 }), "CAN 46 % full");
   assert.equal(busLoad({ late: 1 }), "");

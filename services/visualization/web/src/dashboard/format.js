@@ -28,10 +28,12 @@ export function count(x) {
   return known(x) ? String(x) : "–";
 }
 
-// The counts of frames that a process dropped or refused, from its gauges.
+// The counts of what a process dropped or refused, and the time that it did not let happen, from its gauges.
 export function losses(gauges) {
-  return Object.entries(gauges ?? {}).filter(([name, n]) => /^(dropped|refused)_/.test(name) && n > 0)
-    .map(([name, n]) => `${name.replaceAll("_", " ")} ${count(n)}`).join(", ");
+  const counts = Object.entries(gauges ?? {}).filter(([name, n]) => /^(dropped|refused)_/.test(name) && n > 0)
+    .map(([name, n]) => `${name.replaceAll("_", " ")} ${count(n)}`);
+  const withheld = gauges?.withheld_s > 0 ? [`withheld ${usWithUnit(1e6 * gauges.withheld_s)}`] : [];
+  return [...counts, ...withheld].join(", ");
 }
 
 // The load of the busiest CAN bus, from the gateway's gauges.
