@@ -166,7 +166,7 @@ def test_a_place_that_no_hand_reaches_is_not_believed_and_then_a_fault(bench: Dh
 
 
 def test_an_arm_that_is_opened_anew_between_two_ticks_gets_its_first_force_with_its_motors_on(bench: DhdBench) -> None:
-    """What it was before says nothing of what it is now: a force before its motors are on would come in one step later."""
+    """What it was says nothing of what it is: a force before its motors are on would come in one step later."""
     bench.open()
     bench.until(bench.pushes)
     bench.standin.c.standin_place(0, math.inf, 0.0, 0.0)
