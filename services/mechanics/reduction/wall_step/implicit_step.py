@@ -198,7 +198,8 @@ def read_pattern(wall: WallStep, q: FloatArray) -> float:
             wall.start[i] += wall.rows[i, mode] * q[mode]
     x, out, at_place = wall.start, wall.start_slope, (1.0, 0.0)
     of_polynomial = add_polynomial_slope(wall.polynomial, x[first:last], at_place, out[first:last])
-    return wall.books[OF_MEMBRANE] + of_polynomial + add_pattern_slope(wall.pattern, x[last], at_place, out[last:])
+    of_pattern = add_pattern_slope(wall.pattern, x[last], at_place, out[last:])
+    return float(wall.books[OF_MEMBRANE] + of_polynomial + of_pattern)
 
 
 @kernel
