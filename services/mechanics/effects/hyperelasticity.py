@@ -51,7 +51,12 @@ class Hyperelasticity(WallTerm):
 
     Settings = HyperelasticitySettings
     can_rest = True
-    stretch_modes = True
+
+    @property
+    def stretch_law(self) -> BeyondLinear:
+        """The law, whose stretched wall needs modes."""
+        law: BeyondLinear = self.settings.beyond_linear()
+        return law
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
         """Choose the triangles that sample the wall, unless they are in the cache."""

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from trocar.services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
 from trocar.services.mechanics.reduction.build import full_residual_bytes
 from trocar.services.mechanics.reduction.content_hash import hash_content
 from trocar.services.mechanics.surface.mesh import TriangleMesh
+
+if TYPE_CHECKING:
+    from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
 
 MIB = 2**20  # bytes, by IEC 80000-13
 SMALL_BYTES = 96 * MIB
@@ -55,8 +58,8 @@ class DuctRecipe:
     residual: ResidualChoice = field(default_factory=ResidualChoice)
     n_local_modes: int = 0
     """At most, beside supports, beyond ``n_modes``: see `local_modes`."""
-    stretch_modes: bool = False
-    """Whether there are modes of the stretched wall beyond ``n_modes``: see `hyperelastic.stretch_loads`."""
+    stretch_law: BeyondLinear | None = None
+    """Law of a membrane whose stretched wall has modes beyond ``n_modes``: see `hyperelastic.stretched_states`."""
 
     def model(self) -> ShellModel:
         """Return the full model: assembled here, factorised at its first use."""
@@ -65,4 +68,4 @@ class DuctRecipe:
     def key(self) -> str:
         """Return a hash of everything that the modes follow from, beside the code."""
         inputs = (self.mesh, self.section, self.supports, self.n_modes, self.elements)
-        return hash_content(*inputs, self.n_local_modes, self.stretch_modes)
+        return hash_content(*inputs, self.n_local_modes, self.stretch_law)

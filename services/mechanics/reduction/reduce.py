@@ -14,7 +14,6 @@ from trocar.services.mechanics.reduction import cache
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, build_basis, fill_full_residual, ignore_progress
 from trocar.services.mechanics.reduction.content_hash import entry_name
-from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import with_stretch_modes
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.reduction.residual.blocks import Residual
@@ -114,12 +113,15 @@ class _Maker:
     def make_basis(self, entry: cache.Entry) -> None:
         recipe, n_stretch, n_local = self.recipe, 0, 0
         # One mode more, of which whole pairs are taken: a sector's residual is then that of all.
-        added = bool(recipe.n_local_modes or recipe.stretch_modes)
+        added = bool(recipe.n_local_modes or recipe.stretch_law)
         basis = build_basis(self._model, recipe.n_modes + int(added), self._progress)
         if added:
             basis = whole_pairs(basis)
-            if recipe.stretch_modes:
-                basis, n_stretch = with_stretch_modes(self._model, basis)
+            if recipe.stretch_law is not None:
+                # Imported where a wall has one, as those below.
+                from trocar.services.mechanics.reduction.hyperelastic.stretched_states import with_stretch_modes
+
+                basis, n_stretch = with_stretch_modes(self._model, basis, recipe.stretch_law)
             if recipe.n_local_modes:
                 # Imported where a wall has them: scipy's trees are a good part of what a process imports.
                 from trocar.services.mechanics.reduction.local_modes import with_local_modes

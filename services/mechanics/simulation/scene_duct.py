@@ -116,8 +116,8 @@ def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Collection[Effect]) 
     for effect in by_stage(effects)["modify_section"]:
         section = effect.modify_section(section)
     n_local_modes = max((effect.n_local_modes for effect in effects), default=0)
-    stretch_modes = any(effect.stretch_modes for effect in effects)
-    return replace(duct_recipe(scene.duct, mesh, section), n_local_modes=n_local_modes, stretch_modes=stretch_modes)
+    stretch_law = next((effect.stretch_law for effect in effects if effect.stretch_law is not None), None)
+    return replace(duct_recipe(scene.duct, mesh, section), n_local_modes=n_local_modes, stretch_law=stretch_law)
 
 
 def scene_mesh(duct: DuctScene) -> TriangleMesh:

@@ -14,14 +14,13 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel, pressure_load
-from trocar.services.mechanics.fem.frames import local_frames
-from trocar.services.mechanics.fem.section import axis_in_plane, strain_rotation
 from trocar.services.mechanics.reduction.basis import ModalBasis
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
 from trocar.services.mechanics.reduction.cache import fetch_record
 from trocar.services.mechanics.reduction.content_hash import entry_name
 from trocar.services.mechanics.reduction.hyperelastic.equilibrium import rest_shape
-from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import axial_directions, stretch_loads
+from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import stretch_loads
+from trocar.services.mechanics.reduction.hyperelastic.wall_strain import taken_strain
 from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
 from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
@@ -94,27 +93,11 @@ def choose_samples(model: ShellModel, basis: ModalBasis, law: BeyondLinear) -> S
 def every_triangle(model: ShellModel, basis: ModalBasis, law: BeyondLinear) -> StretchSamples:
     """Return the wall unsampled."""
     membrane = Membrane.from_model(model)
-    n = model.mesh.n_triangles
-    thickness, modulus = (model.section.per_triangle(name, n) for name in ("thickness_m", "youngs_modulus_pa"))
-    corners = model.mesh.vertices_m[model.mesh.triangles]
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    energy_j = modulus * thickness * area
-    if law.row.is_of_linear_form:
-        taken = np.linalg.cholesky(membrane.rigidity_n_m / energy_j[:, None, None]).transpose(0, 2, 1)
-    else:
-        taken = strain_rotation(axis_in_plane(_axis(model), local_frames(model.mesh)))
+    taken, energy_j = taken_strain(model, law)
     gradient = np.einsum("man,mnir->mair", membrane.gradients, basis.Phi[membrane.triangles], optimize=True)
     mixed = np.einsum("mai,mbir->mabr", membrane.tangents, gradient, optimize=True)
     strain = np.stack([mixed[:, 0, 0], mixed[:, 1, 1], mixed[:, 0, 1] + mixed[:, 1, 0]], axis=1)
     return StretchSamples((taken @ strain).reshape(-1, basis.n_modes), energy_j, law)
-
-
-def _axis(model: ShellModel) -> FloatArray:
-    """(3,) or (m, 3) the axis of the material, or of the wall where the material has none."""
-    if model.section.orthotropy is not None:
-        return model.section.orthotropy.axis
-    axis: FloatArray = axial_directions(model)[model.mesh.triangles].sum(axis=1)
-    return axis
 
 
 def sparse_weights(works: FloatArray, total: FloatArray, tolerance: float, most: int) -> tuple[IntArray, FloatArray]:

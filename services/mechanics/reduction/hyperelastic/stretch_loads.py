@@ -1,21 +1,18 @@
 """Loads that stretch a wall as a whole, whose responses the lowest modes hardly have: they bend and ovalise.
 
 A tube that is inflated or pulled moves by fast patterns, of even strain but for the ends. They are made residual
-vectors of the basis, so that the law acts on them too. Where the wall stiffens it moves otherwise: least where it was
-stretched most, as round a bend. So the responses to the forces of the stiffening are residual vectors as well.
+vectors of the basis, so that a law acts on them too, see `stretched_states`.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse
 
-from trocar.services.mechanics.arrays import FloatArray
+from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel, pressure_load
-from trocar.services.mechanics.reduction.basis import ModalBasis
-from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from trocar.services.mechanics.reduction.large_rotations.sections import axial_coordinate
-from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
-from trocar.services.mechanics.reduction.residual_vectors import add_residual_vectors
+from trocar.services.mechanics.fem.factorisation import factorise
+from trocar.services.mechanics.reduction.large_rotations.sections import axial_coordinate, cotangent_laplacian
 from trocar.services.mechanics.surface.mesh import (
     TriangleMesh,
     boundary_loops,
@@ -27,24 +24,8 @@ PRESSED_BANDS, PULLED_BANDS = 9, 3
 """Bands along the wall: with 5 and 3 an even pressure to a hoop strain of 0.2 is 2.0 % off, with these 1.9, and one
 of half of the duct at a hoop strain of 0.1 is 1.8 % off in place of 3.8."""
 
-
-def with_stretch_modes(model: ShellModel, basis: ModalBasis) -> tuple[ModalBasis, int]:
-    """Add the modes of the stretched wall; also returned is how many they are."""
-    groups = stretch_loads(model)
-    loads = np.concatenate([*groups, _stiffening_loads(model, groups)])
-    return add_residual_vectors(model, basis, loads, len(loads))
-
-
-def _stiffening_loads(model: ShellModel, groups: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
-    """Return the forces (k, n, 3) of the stiffening where the wall is inflated, pulled at its end, and by both."""
-    pressed, pulled, at_rims = groups
-    loads = [pressed.sum(axis=0), (at_rims if len(at_rims) else pulled).sum(axis=0)]
-    moved = model.factor.solve(np.stack([free_load(model, load) for load in loads], axis=1))
-    inflated, longer = np.moveaxis(nodal_translations(model, moved), 2, 0)
-    longer = longer * np.linalg.norm(inflated) / np.linalg.norm(longer)
-    membrane = Membrane.from_model(model)
-    states = inflated, longer, inflated + longer, inflated - longer
-    return np.stack([membrane.stiffening_force_n(state) for state in states])
+PLANE = 0.05
+"""Of a rim's width: its largest departure from a plane. Cells are a tenth of it."""
 
 
 def stretch_loads(model: ShellModel) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -67,7 +48,31 @@ def stretch_loads(model: ShellModel) -> tuple[FloatArray, FloatArray, FloatArray
 
 def axial_directions(model: ShellModel) -> FloatArray:
     """Return (n, 3) unit vectors along the wall, away from where it is held."""
-    return _along(model.mesh, axial_coordinate(model.mesh, np.unique(model.held_dofs // 6)))
+    held = np.unique(model.held_dofs // 6)
+    return _along(model.mesh, _level_at_rims(model.mesh, axial_coordinate(model.mesh, held), held))
+
+
+def _level_at_rims(mesh: TriangleMesh, place: FloatArray, held: IntArray) -> FloatArray:
+    """Return a coordinate (n,) along the wall that is even on plane rims, and harmonic up to where the wall is held.
+
+    ``place`` is flat at open ends, where directions along it are up to 30 degrees off round a bend. Round a bend of one
+    radius this is the angle, exactly. A wall without plane rims keeps ``place``.
+    """
+    rims = [rim for rim in boundary_loops(mesh) if not np.isin(rim, held).any() and _is_plane(mesh.vertices_m[rim])]
+    if not rims:
+        return place
+    fixed, even = np.concatenate([held, *rims]), np.zeros(len(place))
+    for rim in rims:
+        even[rim] = place[rim].mean()
+    free, laplacian = np.setdiff1d(np.arange(mesh.n_vertices), fixed), cotangent_laplacian(mesh)
+    even[free] = factorise(scipy.sparse.csc_array(laplacian[free][:, free])).solve(-(laplacian @ even)[free])
+    return even
+
+
+def _is_plane(points_m: FloatArray) -> bool:
+    """Whether points (k, 3) lie in a plane, as a cut straight across leaves them; those of a slit do not."""
+    _, across, _ = np.linalg.svd(points_m - points_m.mean(axis=0), full_matrices=False)
+    return bool(across[2] <= PLANE * across[1])
 
 
 def _bands(place: FloatArray, n_bands: int) -> FloatArray:

@@ -115,14 +115,14 @@ def axial_coordinate(mesh: TriangleMesh, held: IntArray) -> FloatArray:
     blind to incisions (Spalding and Tucker's wall distance rests on the same problem).
     """
     free = np.setdiff1d(np.arange(mesh.n_vertices), held)
-    laplacian = _cotangent_laplacian(mesh)[free][:, free]
+    laplacian = cotangent_laplacian(mesh)[free][:, free]
     p = np.zeros(mesh.n_vertices)
     p[free] = factorise(scipy.sparse.csc_array(laplacian)).solve(vertex_areas_m2(mesh)[free])
     coordinate: FloatArray = 1.0 - np.sqrt(np.maximum(1.0 - p / p.max(), 0.0))
     return coordinate
 
 
-def _cotangent_laplacian(mesh: TriangleMesh) -> scipy.sparse.csc_array:
+def cotangent_laplacian(mesh: TriangleMesh) -> scipy.sparse.csc_array:
     """Return the stiffness (n, n) of the scalar Laplace operator with linear triangles."""
     corners = mesh.vertices_m[mesh.triangles]
     opposite = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)

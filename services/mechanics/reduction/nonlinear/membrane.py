@@ -53,16 +53,6 @@ class Membrane:
         eta = product_strain(self._displacement_gradients(u), self._displacement_gradients(v))
         return self._nodal(np.einsum("mij,mj->mi", self.rigidity_n_m, 0.5 * eta), self.tangents, len(u))
 
-    def stiffening_force_n(self, u: FloatArray) -> FloatArray:
-        """Return the forces (n, 3) of the stress D e (e . D e), e the linear strain, up to a factor.
-
-        That is how an exponential law begins to resist a displacement beyond what a linear wall does.
-        """
-        strain = product_strain(self.tangents, self._displacement_gradients(u))
-        stress = np.einsum("mij,mj->mi", self.rigidity_n_m, strain)
-        density = np.sum(strain * stress, axis=1, keepdims=True)
-        return self._nodal(stress * density / density.max(), self.tangents, len(u))
-
     def _displacement_gradients(self, u: FloatArray) -> FloatArray:
         """Return G (m, 2, 3)."""
         gradients: FloatArray = self.gradients @ u[self.triangles]

@@ -197,9 +197,9 @@ def read_pattern(wall: WallStep, q: FloatArray) -> float:
         for mode in range(q.shape[0]):
             wall.start[i] += wall.rows[i, mode] * q[mode]
     x, out, at_place = wall.start, wall.start_slope, (1.0, 0.0)
-    of_membrane: float = wall.books[OF_MEMBRANE]
-    of_polynomial: float = add_polynomial_slope(wall.polynomial, x[first:last], at_place, out[first:last])
-    return of_membrane + of_polynomial + add_pattern_slope(wall.pattern, x[last], at_place, out[last:])
+    of_polynomial = add_polynomial_slope(wall.polynomial, x[first:last], at_place, out[first:last])
+    of_pattern = add_pattern_slope(wall.pattern, x[last], at_place, out[last:])
+    return float(wall.books[OF_MEMBRANE] + of_polynomial + of_pattern)
 
 
 @kernel
