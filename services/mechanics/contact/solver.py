@@ -56,9 +56,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
 
     A solve ends with a sweep that changes no force component by more than the tolerance; after the first sweep the
     residual must be small too (`has_small_residual`). It takes no more work than ``products_left``, of which each stage
-    leaves half to what comes after it. A solve that this cuts short ends with the multiple of its forces, or of those
-    that it began with, at which the potential is least: their work is then zero. Sweeps that cycle may end further from
-    the solution than the last step did. Forces obey their laws, converged or not.
+    leaves half to what comes after it. A solve that this cuts short ends with the multiple of its forces at which the
+    potential is least: their work is then zero. Forces obey their laws, converged or not.
 
     Args:
         problem: ContactProblem. In: ``free``, forces to start from, and ``products_left``. Out: ``motion``, forces, and
@@ -71,7 +70,6 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     rows.pressure_n[:k] = PRESENT
     copy_rows(rows.force_n, problem.first_n, k)
     update_motion(problem, W)
-    begun_j = _least_multiple(problem)[1]
     allowed = max(CYCLING, effort[0]) * products_of_sweep(problem)
     kept = set_aside(problem, allowed)
     sweeps, is_solved = _iterate(problem, W, effort)
@@ -84,8 +82,6 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         sweeps += more
     problem.is_cut = not is_solved
     if not is_solved:
-        if begun_j < _least_multiple(problem)[1]:
-            copy_rows(problem.first_n, rows.force_n, k)
         _take_least_multiple(problem, W)
     return sweeps
 
@@ -195,33 +191,23 @@ def _take_least_multiple(problem: ContactProblem, W: FloatArray) -> None:
     Before that friction is projected into the cones of the present pressures. It counts as slipping: the next step must
     not bring back what has slipped while nothing was solved.
     """
-    rows, motion, free = problem.rows, problem.motion, problem.free
+    rows, motion, free, bent_j, work_j = problem.rows, problem.motion, problem.free, 0.0, 0.0
     rows.pressure_n[: rows.n_contacts] = PRESENT
     for row in range(rows.n_contacts):
         project(rows, row, False)
     update_motion(problem, W)
-    share = _least_multiple(problem)[0]
+    for row in range(rows.n_contacts):
+        for axis in range(3):
+            force, at = rows.force_n[row, axis], 3 * row + axis
+            bent_j += force * (motion[at] - free[at])
+            work_j += force * motion[at]
+    share = max(1.0 - work_j / bent_j, 0.0) if work_j > 0.0 else 1.0
     for row in range(rows.n_contacts):
         for axis in range(3):
             rows.force_n[row, axis] *= share
             motion[3 * row + axis] = free[3 * row + axis] + share * (motion[3 * row + axis] - free[3 * row + axis])
         if HAS_FRICTION[rows.law[row]] and rows.friction[row] > 0.0:
             rows.pressure_n[row] = math.hypot(rows.force_n[row, 1], rows.force_n[row, 2]) / rows.friction[row]
-
-
-@kernel
-def _least_multiple(problem: ContactProblem) -> tuple[float, float]:
-    """Return the share of the present forces, at most one, at which their potential is least, and that in J.
-
-    The potential tells the distance from the solution in energy.
-    """
-    force, motion, free, bent_j, work_j = problem.rows.force_n, problem.motion, problem.free, 0.0, 0.0
-    for row in range(problem.rows.n_contacts):
-        for axis in range(3):
-            bent_j += force[row, axis] * (motion[3 * row + axis] - free[3 * row + axis])
-            work_j += force[row, axis] * motion[3 * row + axis]
-    share = max(1.0 - work_j / bent_j, 0.0) if work_j > 0.0 else 1.0
-    return share, share * (work_j - bent_j + 0.5 * share * bent_j)
 
 
 @kernel
