@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import ShellSection
@@ -17,9 +17,6 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.mechanics.surface.mesh import TriangleMesh
 from trocar.services.mechanics.world import World
-
-if TYPE_CHECKING:
-    from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +72,6 @@ class Effect:
         self.settings = settings
         self.scene = scene
         self._dissipated_j = 0.0
-
-    @property
-    def stretch_law(self) -> BeyondLinear | None:
-        """Law whose stretched wall needs modes, see `reduction.hyperelastic.stretched_states`; none by default."""
-        return None
 
     @property
     def dissipated_j(self) -> float:

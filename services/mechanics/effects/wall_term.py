@@ -5,6 +5,7 @@ from __future__ import annotations
 from trocar.services.mechanics.arrays import AnyArray
 from trocar.services.mechanics.bodies.wall_terms import WallTerms, terms_of
 from trocar.services.mechanics.effects.base import Effect
+from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
 from trocar.services.mechanics.world import World
 
 
@@ -17,6 +18,11 @@ class WallTerm(Effect):
     """
 
     of_wall, acts_for_all = True, True
+
+    @property
+    def stretch_law(self) -> BeyondLinear | None:
+        """Law whose stretched wall needs modes, see `reduction.hyperelastic.stretched_states`; none by default."""
+        return None
 
     def take_terms(self, world: World) -> WallTerms:
         """Return the terms of the wall."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.effects import Effect, build_effects, by_stage
+from trocar.services.mechanics.effects.wall_term import WallTerm
 from trocar.services.mechanics.fem.modes import check_n_modes
 from trocar.services.mechanics.reduction.build import Progress, ignore_progress
 from trocar.services.mechanics.reduction.recipe import DuctRecipe
@@ -116,7 +117,8 @@ def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Collection[Effect]) 
     for effect in by_stage(effects)["modify_section"]:
         section = effect.modify_section(section)
     n_local_modes = max((effect.n_local_modes for effect in effects), default=0)
-    stretch_law = next((effect.stretch_law for effect in effects if effect.stretch_law is not None), None)
+    laws = [effect.stretch_law for effect in effects if isinstance(effect, WallTerm)]
+    stretch_law = next((law for law in laws if law is not None), None)
     return replace(duct_recipe(scene.duct, mesh, section), n_local_modes=n_local_modes, stretch_law=stretch_law)
 
 

@@ -13,6 +13,7 @@ pytestmark = pytest.mark.timeout(600)  # one wall learns from the nonlinear shel
 QUICK = Order(Reach.QUICK, 1, tuple(FAMILIES))
 DAY = {
     "drawn": "number 3",
+    "patients": "patient 0",
     "jumps": "holding, tool 1 by 50 mm along -z",
     "jerks": "holding, 1 m/s, number 0",
     "lost_ticks": "250 ms stall, holding, number 0",

@@ -7,7 +7,7 @@ vectors of the basis, so that a law acts on them too, see `stretched_states`.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse
+import scipy
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.fem import ShellModel, pressure_load

@@ -9,7 +9,7 @@ beyond the linear wall there are residual vectors too. These two states then are
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse
+import scipy
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import ShellModel

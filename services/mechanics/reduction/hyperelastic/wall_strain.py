@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse
+import scipy
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import ShellModel
