@@ -148,6 +148,10 @@ class Effect:
         """Return the acceleration (3,) of a body force on everything that has mass, in scene axes."""
         raise NotImplementedError
 
+    def place_bodies(self, world: World) -> None:
+        """Place the bodies that the effect brings, before the wall's first shape is sought, which is clear of them."""
+        raise NotImplementedError
+
     def prepare(self, world: World) -> None:
         """Prepare the effect, once, when the bodies exist."""
         raise NotImplementedError
@@ -189,6 +193,7 @@ STAGES = (
     "train",
     "modify_rod",
     "body_acceleration_m_s2",
+    "place_bodies",
     "prepare",
     "add_loads",
     "add_rows",

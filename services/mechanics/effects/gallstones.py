@@ -79,13 +79,17 @@ class Gallstones(Effect):
         self.position_m, self.velocity_m_s = stones.position, stones.velocity
         self._share = 1.0
 
-    def prepare(self, world: World) -> None:
-        """Register the stones with contact detection, and compute their weights."""
+    def place_bodies(self, world: World) -> None:
+        """Register the stones with contact detection, where they begin."""
         here, spheres, stones = world.add_spheres(self.radius_m), world.system.geometry.spheres, self._stones
         self._first = here.start
         stones.start, stones.motion = spheres.start[here], spheres.motion[here]
         stones.compliance = spheres.compliance[here]
         stones.start[:] = stones.position
+
+    def prepare(self, world: World) -> None:
+        """Compute the stones' weights."""
+        stones = self._stones
         stones.weight += self._submerged_kg[:, None] * world.acceleration_m_s2
 
     def add_loads(self, world: World, dt_s: float) -> None:

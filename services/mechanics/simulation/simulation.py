@@ -78,6 +78,8 @@ class Simulation:
         self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)
         self.duct, self.catheter, self.tools = self._moving = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
+        for effect in stages["place_bodies"]:
+            effect.place_bodies(world)
         begin_sound(world)
         self.seal, self.squeeze = world.seal, world.squeeze
         self.grasps = tuple(

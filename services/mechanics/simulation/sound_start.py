@@ -1,7 +1,7 @@
-"""The shape that a duct under constant loads begins with: as near to equilibrium as the catheter lets it.
+"""The shape that a duct under constant loads begins with: as near to equilibrium as what lies in it lets it.
 
-A catheter is placed in the duct at rest. Where the loads, as a pressure or the wall's own weight, would press the wall
-through it, the wall begins at a share of their shape at which the catheter is clear, and goes on from there in contact.
+Catheter and stones are placed in the duct at rest. Where the loads, as a pressure or the wall's own weight, would press
+the wall through them, it begins at a share of their shape at which both are clear, and goes on from there in contact.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ HALVINGS = 10
 
 
 def begin_sound(world: World) -> None:
-    """Take the wall back to the largest share of its shape at which the catheter overlaps it no deeper than tolerated.
+    """Take the wall back to the largest share of its shape at which nothing overlaps it deeper than tolerated.
 
-    A scene whose catheter overlaps the wall at rest begins as it is.
+    A scene in which something overlaps the wall at rest begins as it is.
     """
     duct, whole = world.duct, world.duct.state.q.copy()
     if not whole.any():
@@ -37,7 +37,9 @@ def begin_sound(world: World) -> None:
 def _sound_share(world: World, whole: FloatArray, tolerance_m: float) -> float:
     if _gap_m(world, 0.0 * whole) < -tolerance_m:
         return 1.0
-    thickness_m = 0.5 * world.scene.duct.thickness_m + float(world.catheter.radii_m.min())
+    spheres = world.system.geometry.spheres
+    thinnest_m = min(float(world.catheter.radii_m.min()), float(spheres.radius[: spheres.count].min(initial=math.inf)))
+    thickness_m = 0.5 * world.scene.duct.thickness_m + thinnest_m
     looks = math.ceil(world.duct.furthest_m(whole) / (STRIDE * thickness_m))
     for look in range(1, looks + 1):
         if _gap_m(world, look / looks * whole) < -tolerance_m:
@@ -54,7 +56,7 @@ def _largest(world: World, whole: FloatArray, between: tuple[float, float], tole
 
 
 def _gap_m(world: World, q: FloatArray) -> float:
-    """Return the least gap (m) of the catheter to the wall with these coordinates, negative for an overlap."""
+    """Return the least gap (m) of catheter and stones to the wall with these coordinates, negative for an overlap."""
     world.duct.q_start[:] = q
     world.search.forget()
     world.search.begin(world.system)

@@ -125,6 +125,19 @@ def test_a_wall_whose_loads_press_it_through_the_catheter_begins_beside_it(small
     assert max(worst_m) < 0.1e-3
 
 
+def test_a_wall_whose_loads_press_it_through_a_stone_begins_beside_it(with_effects, small_duct):
+    """Stones came after the wall's shape, which began 0.6 mm deep in one."""
+    gas = {"outside_pa": 30e3, "inside_pa": 0.0}
+    stone = {"position_m": [[20e-3, 0.0, -2.2e-3]], "radius_m": [1.2e-3]}
+    simulation = Simulation(with_effects(insufflation=gas, gallstones=stone), small_duct)
+    judge, q = OverlapJudge(simulation), simulation.duct.state.q
+    assert judge.look()["stones"] < 0.05e-3
+    whole = Simulation(with_effects(insufflation=gas), small_duct).duct.state.q
+    assert 0.0 < np.linalg.norm(q) < np.linalg.norm(whole)
+    q[:] = whole
+    assert judge.look()["stones"] > 0.3e-3, "the pressure does not press the wall through the stone"
+
+
 def test_a_particle_has_one_film_of_mucus_however_many_facets_it_is_near(with_effects, small_duct):
     """Films were half of the rows where a table of 256 was full."""
     scene = with_effects(mucus_drag={})
