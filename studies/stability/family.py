@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -78,3 +79,8 @@ class Family:
 def played(name: str, play: Callable[[], Play]) -> Case:
     """A case that drives a play; what it needs is made when it runs."""
     return Case(name, lambda: drive(play()), play)
+
+
+def log_uniform(random: np.random.Generator, low: float, high: float) -> float:
+    """Return a number from `low` to `high`, each factor of it as likely as any other."""
+    return math.exp(random.uniform(math.log(low), math.log(high)))

@@ -53,13 +53,13 @@ def append_copies(pairs_address: Address[ContactPairs], source_address: Address[
     """Append the pairs of another list, as many as there is room for."""
     pairs, source = pairs_at(pairs_address), pairs_at(source_address)
     for k in range(min(source.count, pairs.gap_m.shape[0] - pairs.count)):
-        copy_pair(source, k, pairs, pairs.count)
+        _copy_pair(source, k, pairs, pairs.count)
         pairs.count += 1
 
 
 @kernel
-def copy_pair(source: ContactPairs, k: int, out: ContactPairs, at: int) -> None:
-    """Copy pair k of a list to place ``at`` of another, or of the same."""
+def _copy_pair(source: ContactPairs, k: int, out: ContactPairs, at: int) -> None:
+    """Copy pair k of a list to place ``at`` of another."""
     out.tool[at], out.tool_segment[at], out.particle[at] = source.tool[k], source.tool_segment[k], source.particle[k]
     out.target_kind[at], out.target[at] = source.target_kind[k], source.target[k]
     out.tool_parameter[at], out.gap_m[at] = source.tool_parameter[k], source.gap_m[k]

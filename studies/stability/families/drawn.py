@@ -27,7 +27,7 @@ from trocar.services.meshes.branching import load_branching
 from trocar.studies.stability.crossing import crossing_hands
 from trocar.studies.stability.drive import Driven, Play, drive
 from trocar.studies.stability.families.ducts import on_axis
-from trocar.studies.stability.family import Case, Draw
+from trocar.studies.stability.family import Case, Draw, log_uniform
 from trocar.studies.stability.hands import HandMotions
 from trocar.studies.stability.situations import threaded, with_catheter, with_duct
 
@@ -124,8 +124,8 @@ def _scene(random: np.random.Generator, shape: str) -> SceneModel:
             "length_m": LENGTH_M,
             "n_around": around,
             "n_along": int(around * random.uniform(1.0, 1.4)),
-            "thickness_m": radius_m * _log_uniform(random, 0.02, 0.25),
-            "youngs_modulus_pa": _log_uniform(random, 20e3, 2e6),
+            "thickness_m": radius_m * log_uniform(random, 0.02, 0.25),
+            "youngs_modulus_pa": log_uniform(random, 20e3, 2e6),
             "poisson_ratio": random.uniform(0.3, 0.48),
             "damping_ratio": random.uniform(0.03, 0.3),
         }
@@ -134,20 +134,16 @@ def _scene(random: np.random.Generator, shape: str) -> SceneModel:
     if shape == "forked":
         narrower = tuple(replace(each, radius_m=each.radius_m * radius_m) for each in scene.duct.branches)
         scene = with_duct(scene, branches=narrower)
-    catheter_m = _log_uniform(random, 0.2 * radius_m, TIGHT * _narrowest_m(scene.duct))
+    catheter_m = log_uniform(random, 0.2 * radius_m, TIGHT * _narrowest_m(scene.duct))
     scene = with_catheter(
         scene,
         outer_diameter_m=catheter_m,
         inner_diameter_m=random.uniform(0.3, 0.7) * catheter_m,
-        youngs_modulus_pa=_log_uniform(random, 1e6, 2e9),
+        youngs_modulus_pa=log_uniform(random, 1e6, 2e9),
         n_segments=int(random.integers(30, 60)),
         before_mouth_m=random.uniform(1e-3, 3e-3) if shape in ENTERS else None,
     )
     return replace(scene, effects=_effects(random, scene))
-
-
-def _log_uniform(random: np.random.Generator, low: float, high: float) -> float:
-    return math.exp(random.uniform(math.log(low), math.log(high)))
 
 
 def _branches(random: np.random.Generator) -> tuple[DuctBranch, ...]:

@@ -6,42 +6,29 @@ ranges of `trocar.services.mechanics.scene.cystic_duct`, and the catheter is one
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from trocar.services.anatomy.catheter_choice import CATHETERS
 from trocar.services.mechanics.effects import EFFECTS
-from trocar.services.mechanics.scene import CatheterSection, DuctScene, SceneModel
-from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene, drawn_cystic_duct
+from trocar.services.mechanics.scene import DuctScene, SceneModel
 from trocar.services.mechanics.scene.duct_tubes import duct_tubes
 from trocar.services.mechanics.surface.opening import mouth_opening
 from trocar.services.meshes.branching import load_branching
 from trocar.services.runtime.config.products import load_product
+from trocar.studies.cystic_folds import BENT_TIP, TRACTION_N, drawn_duct
 from trocar.studies.stability.crossing import crossing_hands
 from trocar.studies.stability.drive import Play
-from trocar.studies.stability.family import Case, Draw, played
+from trocar.studies.stability.family import Case, Draw, log_uniform, played
 from trocar.studies.stability.situations import approaching, with_catheter
 
 COUNT, QUICK_COUNT = 60, 4
 SEEDS = 2**31
-COMMON_LENGTH_M = 20e-3
-"""Of the common duct, of which little is touched: a short one keeps the mesh small, as in the study of folds."""
-BENT_TIP = CatheterSection(length_m=15e-3, rest_curvature_1_m=(25.0, 0.0, 0.0))
-"""That of the study of folds."""
 BESIDE = "gravity", "friction", "grasp_slip", "twist", "mucus_drag", "viscoelasticity"
 """Effects that training with a patient's duct calls for; each is there by the toss of a coin."""
-
-
-@dataclass(frozen=True, slots=True)
-class Patient:
-    """A scene, with what its hands are drawn from."""
-
-    scene: SceneModel
-    random: np.random.Generator
 
 
 def cases(draw: Draw) -> Iterator[Case]:
@@ -50,20 +37,22 @@ def cases(draw: Draw) -> Iterator[Case]:
         yield played(f"patient {k}", partial(_play, draw, k))
 
 
-def drawn_patient(random: np.random.Generator) -> Patient:
-    """Return a patient with a wall of 0.5 to 1.5 mm and 100 kPa to 1 MPa, and a catheter with a bent tip or without."""
-    cystic = drawn_cystic_duct(CysticDuctScene(seed=int(random.integers(SEEDS)), common_length_m=COMMON_LENGTH_M))
+def drawn_patient(random: np.random.Generator) -> SceneModel:
+    """Return a patient with a wall of 0.5 to 1.5 mm and 100 kPa to 1 MPa, and a catheter with a bent tip or without.
+
+    Ducts, bent tip and traction are those of the study of folds.
+    """
     duct = DuctScene(
-        cystic=cystic,
+        cystic=drawn_duct(int(random.integers(SEEDS))),
         thickness_m=random.uniform(0.5e-3, 1.5e-3),
-        youngs_modulus_pa=math.exp(random.uniform(math.log(100e3), math.log(1e6))),
+        youngs_modulus_pa=log_uniform(random, 100e3, 1e6),
         n_modes=60,
-        traction_n=float(random.choice([0.0, 0.29])),
+        traction_n=float(random.choice([0.0, TRACTION_N])),
     )
     effects = {name: EFFECTS[name].kind.Settings() for name in BESIDE if random.random() < 0.5}
     scene = replace(approaching().scene, duct=duct, effects=effects)
     tip = (BENT_TIP,) if random.random() < 0.5 else ()
-    return Patient(with_catheter(scene, **_catheter(random), sections=tip, before_mouth_m=2e-3), random)
+    return with_catheter(scene, **_catheter(random), sections=tip, before_mouth_m=2e-3)
 
 
 def _catheter(random: np.random.Generator) -> dict[str, float]:
@@ -73,8 +62,8 @@ def _catheter(random: np.random.Generator) -> dict[str, float]:
 
 
 def _play(draw: Draw, k: int) -> Play:
-    patient = drawn_patient(draw.random(f"patient {k}"))
-    scene, random = patient.scene, patient.random
+    random = draw.random(f"patient {k}")
+    scene = drawn_patient(random)
     tubes = duct_tubes(scene.duct)
     mesh = load_branching(tubes, None)
     mouth, trunk = mouth_opening(mesh), tubes[0]

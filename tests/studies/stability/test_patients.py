@@ -11,7 +11,7 @@ from trocar.studies.stability.families import patients
 from trocar.studies.stability.family import Draw, Reach
 from trocar.studies.stability.suite import Order, list_cases
 
-MANY = [patients.drawn_patient(np.random.default_rng([11, k])).scene for k in range(200)]
+MANY = [patients.drawn_patient(np.random.default_rng([11, k])) for k in range(200)]
 
 
 def test_as_many_are_drawn_as_asked_for():

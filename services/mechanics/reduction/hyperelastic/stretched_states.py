@@ -15,7 +15,7 @@ from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import ShellModel
 from trocar.services.mechanics.fem.factorisation import factorise
 from trocar.services.mechanics.reduction.basis import ModalBasis
-from trocar.services.mechanics.reduction.free_dofs import free_load
+from trocar.services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import stretch_loads
 from trocar.services.mechanics.reduction.hyperelastic.wall_strain import strain_of_freedoms, taken_strain
 from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
@@ -67,7 +67,7 @@ class StretchedWall:
             at_rest = None if at_rest is None else self._follow(whole, (begun, ended), at_rest, PARTINGS)
             begun = ended
             if at_rest is not None:
-                forces.append(self._nodal(self._force(at_rest))[None])
+                forces.append(nodal_translations(self._model, self._force(at_rest))[None])
         return np.concatenate(forces)
 
     def _follow(self, load: FloatArray, sizes: tuple[float, float], u: FloatArray, partings: int) -> FloatArray | None:
@@ -114,9 +114,3 @@ class StretchedWall:
             (self._energy_j[:, None, None] * stiff, np.arange(m), np.arange(m + 1)), shape=(3 * m, 3 * m)
         )
         return scipy.sparse.csc_array(self._model.K_free + self._strain.T @ blocks @ self._strain)
-
-    def _nodal(self, force: FloatArray) -> FloatArray:
-        every = np.zeros(self._model.n_dofs)
-        every[self._model.free_dofs] = force
-        translations: FloatArray = every.reshape(-1, 6)[:, :3]
-        return translations

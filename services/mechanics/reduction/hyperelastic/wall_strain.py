@@ -12,15 +12,14 @@ from trocar.services.mechanics.fem.section import axis_in_plane, strain_rotation
 from trocar.services.mechanics.reduction.hyperelastic.stretch_loads import axial_directions
 from trocar.services.mechanics.reduction.membrane_laws.beyond_linear import BeyondLinear
 from trocar.services.mechanics.reduction.nonlinear.membrane import Membrane
+from trocar.services.mechanics.surface.mesh import triangle_areas_m2
 
 
 def taken_strain(model: ShellModel, law: BeyondLinear) -> tuple[FloatArray, FloatArray]:
     """Return what a law makes of the strain in a triangle's frame (m, 3, 3), and modulus times volume (m,), in J."""
     n = model.mesh.n_triangles
     thickness, modulus = (model.section.per_triangle(name, n) for name in ("thickness_m", "youngs_modulus_pa"))
-    corners = model.mesh.vertices_m[model.mesh.triangles]
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    energy_j: FloatArray = modulus * thickness * area
+    energy_j: FloatArray = modulus * thickness * triangle_areas_m2(model.mesh)
     if law.row.is_of_linear_form:
         rigidity = Membrane.from_model(model).rigidity_n_m
         root = np.asarray(np.linalg.cholesky(rigidity / energy_j[:, None, None]), np.float64)
