@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from trocar.protocol.fields import Field, Form, fields
+from trocar.protocol.fields import Field, FieldForm, fields
 
 
 @cache
@@ -53,8 +53,8 @@ def _fault(field: Field, value: Any, lengths: dict[str, int], finite: bool) -> t
 
 
 def _items(field: Field, value: Any) -> Iterable[Any]:
-    if field.form is Form.ONE:
+    if field.form is FieldForm.ONE:
         return (value,)
-    if field.form is Form.OPTIONAL:
+    if field.form is FieldForm.OPTIONAL:
         return () if value is None else (value,)
-    return value.values() if field.form is Form.MAP else value  # type: ignore[no-any-return]
+    return value.values() if field.form is FieldForm.MAP else value  # type: ignore[no-any-return]

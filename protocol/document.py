@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from trocar.protocol.bodies.health import Health
-from trocar.protocol.fields import Field, Form, fields, nested
+from trocar.protocol.fields import Field, FieldForm, fields, nested
 from trocar.protocol.frame import MAX_FRAME_BYTES, PROTOCOL_VERSION, Header, Reason
 from trocar.protocol.topics import TOPICS, Topic
 
@@ -98,11 +98,11 @@ def _type_name(field: Field) -> str:
     if field.spec is not None:
         return f"array `{field.spec.dtype}`, {' x '.join(str(length) for length in field.spec.shape)}"
     return {
-        Form.ONE: name,
-        Form.OPTIONAL: f"{name} or nil",
-        Form.MANY: f"array of {name}",
-        Form.FIXED: f"{field.count} {name}s",
-        Form.MAP: f"map of str to {name}",
+        FieldForm.ONE: name,
+        FieldForm.OPTIONAL: f"{name} or nil",
+        FieldForm.MANY: f"array of {name}",
+        FieldForm.FIXED: f"{field.count} {name}s",
+        FieldForm.MAP: f"map of str to {name}",
     }[field.form]
 
 

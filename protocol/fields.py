@@ -1,7 +1,7 @@
 """The fields of a body as everybody sees them: the one walk over the types of the wire.
 
 Checks, documentation, recordings and tests are made from what it finds, so none of them knows Python's type hints. A
-body that declares something else than is listed at `Form` is refused here, with the field's name.
+body that declares something else than is listed at `FieldForm` is refused here, with the field's name.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SCALARS: dict[type[inspect.Type], type] = {
 _LIMITS = ("ge", "gt", "le", "lt", "max_length")
 
 
-class Form(Enum):
+class FieldForm(Enum):
     """How a field holds its items."""
 
     ONE = auto()
@@ -55,7 +55,7 @@ class Field:
     """
 
     name: str
-    form: Form
+    form: FieldForm
     item: Any
     count: int = 1
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -107,24 +107,24 @@ def _field(where: str, name: str, kind: inspect.Type) -> Field:
     limits = {key: value for key in _LIMITS if (value := getattr(kind, key, None)) is not None}
     form, count, item = _form(where, kind)
     spec = extra.get("array")
-    if form is Form.ARRAY and spec is None:
+    if form is FieldForm.ARRAY and spec is None:
         raise TypeError(f"{where}: an array needs a spec(dtype, shape, unit)")
     return Field(name, form, item, count, limits, spec.unit if spec else description, spec)
 
 
-def _form(where: str, kind: inspect.Type) -> tuple[Form, int, Any]:
+def _form(where: str, kind: inspect.Type) -> tuple[FieldForm, int, Any]:
     if isinstance(kind, inspect.StructType) and kind.cls is Array:
-        return Form.ARRAY, 1, Array
+        return FieldForm.ARRAY, 1, Array
     if isinstance(kind, inspect.VarTupleType):
-        return Form.MANY, 1, _item(where, kind.item_type)
+        return FieldForm.MANY, 1, _item(where, kind.item_type)
     if isinstance(kind, inspect.TupleType) and len({type(part) for part in kind.item_types}) == 1:
-        return Form.FIXED, len(kind.item_types), _item(where, kind.item_types[0])
+        return FieldForm.FIXED, len(kind.item_types), _item(where, kind.item_types[0])
     if isinstance(kind, inspect.DictType) and isinstance(kind.key_type, inspect.StrType):
-        return Form.MAP, 1, _item(where, kind.value_type)
+        return FieldForm.MAP, 1, _item(where, kind.value_type)
     if isinstance(kind, inspect.UnionType) and kind.includes_none and len(kind.types) == 2:
         (inner,) = (part for part in kind.types if not isinstance(part, inspect.NoneType))
-        return Form.OPTIONAL, 1, _item(where, inner)
-    return Form.ONE, 1, _item(where, kind)
+        return FieldForm.OPTIONAL, 1, _item(where, inner)
+    return FieldForm.ONE, 1, _item(where, kind)
 
 
 def _item(where: str, kind: inspect.Type) -> Any:

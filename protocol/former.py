@@ -12,7 +12,7 @@ from trocar.protocol.arrays import Array, pack, spec
 from trocar.protocol.bodies.haptics import (
     TOOL_COLUMNS,
     ContactModel,
-    GraspHold,
+    HeldPoint,
     LocalModel,
     ToolContacts,
     ToolState,
@@ -84,7 +84,7 @@ class _ToolColumns(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     target_weights: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
     normal: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
     gap_m: Annotated[Array, spec("<f8", ("pairs",), "m")]
-    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+    holds: Annotated[tuple[HeldPoint, ...], Meta(max_length=16)] = ()
 
 
 class ToolContacts1(_ToolColumns, array_like=True, frozen=True, kw_only=True):
@@ -118,7 +118,7 @@ class ToolContacts3(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
     pair_index: Annotated[Array, spec("<i4", ("pairs", 4), "1")]
     pair_geometry: Annotated[Array, spec("<f8", ("pairs", 8), "1")]
-    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+    holds: Annotated[tuple[HeldPoint, ...], Meta(max_length=16)] = ()
 
     def lift(self) -> ToolContacts4:
         """Return the body of version 4: its table has a row a tool."""
@@ -138,7 +138,7 @@ class ToolContacts4(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     tools: Annotated[Array, spec("<f8", ("tools", TOOL_COLUMNS), "1", row=ToolState)]
     pair_index: Annotated[Array, spec("<i4", ("pairs", 4), "1")]
     pair_geometry: Annotated[Array, spec("<f8", ("pairs", 8), "1")]
-    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+    holds: Annotated[tuple[HeldPoint, ...], Meta(max_length=16)] = ()
     begins: Annotated[int, Meta(ge=0)] = 0
 
     def lift(self) -> ToolContacts:

@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from trocar.protocol.arrays import MAX_DIMENSION, Array, Spec
-from trocar.protocol.fields import Field, Form, fields, nested
+from trocar.protocol.fields import Field, FieldForm, fields, nested
 
 Check = Callable[[Any], bool]
 Leaf = tuple[str, Field]
@@ -66,7 +66,7 @@ def _passes(_body: Any) -> bool:
 def _leaves(kind: type[msgspec.Struct], path: str = "") -> Iterator[Leaf]:
     """Yield the fields of `kind` with their dotted names, those of a body that is always there in its place."""
     for field in fields(kind):
-        if field.form is Form.ONE and field.body:
+        if field.form is FieldForm.ONE and field.body:
             yield from _leaves(field.body, f"{path}{field.name}.")
         else:
             yield path + field.name, field
@@ -92,9 +92,9 @@ def _holds_something_to_check(kind: type[msgspec.Struct], finite: bool) -> bool:
 
 def _of_bodies(name: str, field: Field, passes: Check) -> Check:
     get = attrgetter(name)
-    if field.form is Form.OPTIONAL:
+    if field.form is FieldForm.OPTIONAL:
         return lambda body: (value := get(body)) is None or passes(value)
-    if field.form is Form.MAP:
+    if field.form is FieldForm.MAP:
         return lambda body: all(map(passes, get(body).values()))
     return lambda body: all(map(passes, get(body)))
 
@@ -102,18 +102,18 @@ def _of_bodies(name: str, field: Field, passes: Check) -> Check:
 def _of_numbers(numbers: list[Leaf]) -> list[Check]:
     """Return the checks that all these numbers are finite: one norm a form."""
     checks: list[Check] = []
-    if scalars := _getter(numbers, Form.ONE):
+    if scalars := _getter(numbers, FieldForm.ONE):
         checks.append(lambda body: isfinite(hypot(*scalars(body))))
-    if vectors := _getter(numbers, Form.FIXED, Form.MANY):
+    if vectors := _getter(numbers, FieldForm.FIXED, FieldForm.MANY):
         checks.append(lambda body: isfinite(hypot(*chain.from_iterable(vectors(body)))))
-    if maps := _getter(numbers, Form.MAP):
+    if maps := _getter(numbers, FieldForm.MAP):
         checks.append(lambda body: isfinite(hypot(*chain.from_iterable(m.values() for m in maps(body)))))
-    if optional := _getter(numbers, Form.OPTIONAL):
+    if optional := _getter(numbers, FieldForm.OPTIONAL):
         checks.append(lambda body: isfinite(hypot(*(value for value in optional(body) if value is not None))))
     return checks
 
 
-def _getter(numbers: list[Leaf], *forms: Form) -> Callable[[Any], tuple[Any, ...]] | None:
+def _getter(numbers: list[Leaf], *forms: FieldForm) -> Callable[[Any], tuple[Any, ...]] | None:
     names = [name for name, field in numbers if field.form in forms]
     return _getter_of(names) if names else None
 

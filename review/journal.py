@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import msgspec
 
 
-class Journal:
+class ActJournal:
     """A file of acts, to which lines are only added.
 
     Attributes:

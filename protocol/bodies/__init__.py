@@ -1,7 +1,7 @@
 """Every body that travels, one module per publisher."""
 
 from trocar.protocol.bodies.gateway import GatewayState, InstrumentState
-from trocar.protocol.bodies.haptics import ContactModel, GraspHold, LocalModel, ToolContacts, ToolState
+from trocar.protocol.bodies.haptics import ContactModel, HeldPoint, LocalModel, ToolContacts, ToolState
 from trocar.protocol.bodies.health import (
     Health,
     Histogram,
@@ -26,10 +26,10 @@ __all__ = [
     "ContactModel",
     "Duct",
     "GatewayState",
-    "GraspHold",
     "HandTarget",
     "Hands",
     "Health",
+    "HeldPoint",
     "Histogram",
     "InstrumentState",
     "Journal",

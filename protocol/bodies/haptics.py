@@ -80,7 +80,7 @@ TOOL_POSITION, TOOL_PORT, TOOL_ROLL, TOOL_OPENING, TOOL_COLUMNS = columns(ToolSt
 tool_table = ToolState.table
 
 
-class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+class HeldPoint(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """A grasp: the jaws of a tool hold a point of the duct wall or of the catheter."""
 
     hold_id: Annotated[int, Meta(ge=0, description="a new grasp takes a new number")]
@@ -106,7 +106,7 @@ class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
             row=ToolState,
         ),
     ]
-    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+    holds: Annotated[tuple[HeldPoint, ...], Meta(max_length=16)] = ()
     begins: Annotated[int, Meta(ge=0, description="of the device frame answered")] = 0
     withdrawn: Annotated[
         int, Meta(ge=0, lt=1 << 8, description="bit mask of tools that touch nothing, of the device frame answered")

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import msgspec
 
 from trocar.review.classroom.watch import Watch
-from trocar.review.journal import Journal
+from trocar.review.journal import ActJournal
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.web.web_client import open_connection
 
@@ -49,7 +49,7 @@ class Desk:
     """Carries out acts; a bench that does not answer delays no other."""
 
     def __init__(self, journal: Path) -> None:
-        self.journal = Journal(journal)
+        self.journal = ActJournal(journal)
 
     def carry_out(self, act: Act, watches: Sequence[Watch], token: str) -> list[Outcome]:
         """Carry out an act at the benches that it names; return what became of it at each.

@@ -60,7 +60,7 @@ class _Attempt(msgspec.Struct, frozen=True):
     examined: bool = False
 
 
-class RigState(msgspec.Struct, frozen=True):
+class BenchState(msgspec.Struct, frozen=True):
     """What is taken of a rig's ``/api/state``: the rest is for its own page."""
 
     state: str = ""
@@ -84,11 +84,11 @@ class _RigData(msgspec.Struct, frozen=True):
 
 
 #: Built once: msgspec builds what it knows of a type at the first use, and two threads at once have crashed it.
-_STATES = msgspec.json.Decoder(RigState)
+_STATES = msgspec.json.Decoder(BenchState)
 _RIGS = msgspec.json.Decoder(_RigData)
 
 
-class Row(msgspec.Struct, frozen=True):
+class BenchRow(msgspec.Struct, frozen=True):
     """A rig as the class page shows it; `fault` is why it is not known, `silent_s` for how long."""
 
     name: str
@@ -109,7 +109,7 @@ class Watch:
     def __init__(self, place: ClassRig, last_score: Callable[[str], float | None]) -> None:
         self.place = place
         self._last_score = last_score
-        self._state = RigState()
+        self._state = BenchState()
         self._fault = "has not answered yet"
         self._heard_s: float | None = None
         self._began_s = time.monotonic()
@@ -122,14 +122,14 @@ class Watch:
         """Ask no more."""
         self._ending.set()
 
-    def row(self) -> Row:
+    def row(self) -> BenchRow:
         """Return what is known now: a rig is silent that was not heard yet, or not for `SILENT_S`."""
         heard_s, state, fault = self._heard_s, self._state, self._fault
         silent_s = time.monotonic() - (self._began_s if heard_s is None else heard_s)
         is_silent = heard_s is None or silent_s > SILENT_S
         if not self._thread.is_alive() and not self._ending.is_set():
             fault = "is not followed any more: a fault of this program, which its terminal shows; start it again"
-        return Row(
+        return BenchRow(
             self.place.name, self.place.address, self.place.trainee,
             "silent" if is_silent else state.state, state.reason, () if is_silent else state.late(),
             state.attempt, self._last_score(self.place.trainee), silent_s if is_silent else 0.0,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trocar.protocol import TOPICS
-from trocar.review.export.tables import Columns, read_columns
+from trocar.review.export.tables import TopicColumns, read_columns
 from trocar.services.cli import targets
 from trocar.services.messages.nearest_word import did_you_mean
 from trocar.services.runtime.errors import ConfigError, MissingPackageError
@@ -68,7 +68,7 @@ def _need(package: str, to: str) -> None:
         raise MissingPackageError(to, package) from None
 
 
-def _write_csv(path: Path, columns: Columns) -> None:
+def _write_csv(path: Path, columns: TopicColumns) -> None:
     flat = columns.flat()
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -76,7 +76,7 @@ def _write_csv(path: Path, columns: Columns) -> None:
         writer.writerows(zip(*(column.tolist() for column in flat.values()), strict=True))
 
 
-def _write_parquet(path: Path, columns: Columns) -> None:
+def _write_parquet(path: Path, columns: TopicColumns) -> None:
     import pyarrow
     from pyarrow import parquet
 

@@ -16,7 +16,7 @@ from trocar.services.training.score import load_rules
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class ReportRequest:
     """What the command line asks for; `what` is a recording, or the number of an attempt that was kept.
 
     `attempt` is which of the recording, from 1, negative from the last; 0: each of them.
@@ -32,7 +32,7 @@ class Request:
     page: str
 
 
-def run_report(request: Request) -> None:
+def run_report(request: ReportRequest) -> None:
     """Write the report, or one of each attempt in a recording, and say where it is.
 
     Raises RecordingError or ConfigError or StoreError: one sentence, if something of what is named cannot be used.
@@ -48,7 +48,7 @@ def run_report(request: Request) -> None:
         _write(out if len(chosen) == 1 else out.with_stem(f"{out.stem}-{number}"), each, request)
 
 
-def _write(out: Path, found: Assessment, request: Request, trainee: str = "", past: Sequence[Past] = ()) -> None:
+def _write(out: Path, found: Assessment, request: ReportRequest, trainee: str = "", past: Sequence[Past] = ()) -> None:
     rules = load_rules(request.rules)
     band = load_band(request.experts, found.scenario) if request.experts else {}
     text = render(found, rules, trainee=trainee, past=past, band=band, page=request.page)
@@ -56,7 +56,7 @@ def _write(out: Path, found: Assessment, request: Request, trainee: str = "", pa
     print(out)
 
 
-def _kept(request: Request) -> tuple[Assessment, str, list[Past]]:
+def _kept(request: ReportRequest) -> tuple[Assessment, str, list[Past]]:
     from trocar.review.commands.attempts import reading
 
     with reading(request.database) as store:
@@ -64,7 +64,7 @@ def _kept(request: Request) -> tuple[Assessment, str, list[Past]]:
         return found, trainee, store.past(trainee, found.scenario, found.began_ns)
 
 
-def _of_file(request: Request) -> dict[int, Assessment]:
+def _of_file(request: ReportRequest) -> dict[int, Assessment]:
     """Return the attempts that are asked for by their number in the recording."""
     rules = load_rules(request.rules)
     every = assess_file(Path(request.what), rules, request.scenario, request.experts)

@@ -30,14 +30,14 @@ class Form(StrEnum):
     LEROBOT = "lerobot"
 
 
-class Layout(StrEnum):
+class DatasetLayout(StrEnum):
     """Versions of LeRobot's layout."""
 
     V3 = "v3.0"
     V2 = "v2.1"
 
 
-class View(StrEnum):
+class FilmView(StrEnum):
     """How a film is seen."""
 
     SCOPE = "scope"
@@ -77,11 +77,11 @@ def export(
         Path | None, typer.Option(help="File, or folder of tables or of a dataset; default: beside the recording.")
     ] = None,
     topics: Annotated[list[str] | None, typer.Option("--topic", help="Only this topic; may be given again.")] = None,
-    view: Annotated[View, typer.Option(help="View of a film: the endoscope's, or X-ray.")] = View.SCOPE,
+    view: Annotated[FilmView, typer.Option(help="View of a film: the endoscope's, or X-ray.")] = FilmView.SCOPE,
     fps: Annotated[int, typer.Option(min=1, max=1000, help="LeRobot: moments a second.")] = 50,
     film: Annotated[bool, typer.Option(help="LeRobot: with pictures of the view.")] = False,
     task: Annotated[str, typer.Option(help="LeRobot: what was done, in words; default: the scenario's title.")] = "",
-    layout: Annotated[Layout, typer.Option(help="LeRobot: version of its layout.")] = Layout.V3,
+    layout: Annotated[DatasetLayout, typer.Option(help="LeRobot: version of its layout.")] = DatasetLayout.V3,
 ) -> None:
     """Write what a recording holds as tables with a column for each number, as arrays, a film or a dataset."""
     from trocar.review.commands.export import export_dataset, run_export
@@ -132,9 +132,9 @@ def report(
     page: Annotated[str, typer.Option(help="Address of the page that opens replays.")] = "http://localhost:8080/",
 ) -> None:
     """Write one HTML file about an attempt: what went wrong and when, and what to practise next."""
-    from trocar.review.commands.report import Request, run_report
+    from trocar.review.commands.report import ReportRequest, run_report
 
-    run_report(Request(what, out, attempt, scenario, rules, experts, database, page))
+    run_report(ReportRequest(what, out, attempt, scenario, rules, experts, database, page))
 
 
 @attempts_app.command("list")

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trocar.protocol.arrays import Array
-from trocar.protocol.fields import Form, fields
+from trocar.protocol.fields import FieldForm, fields
 from trocar.protocol.table import TableRow
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.reader import read_messages
@@ -22,7 +22,7 @@ Values = npt.NDArray[Any]
 
 
 @dataclass(slots=True)
-class Columns:
+class TopicColumns:
     """What the messages of one topic hold.
 
     Attributes:
@@ -77,14 +77,14 @@ class Columns:
         return len(values) == len(self.time_ns) and len({np.shape(value) for value in values}) == 1
 
 
-def read_columns(path: Path, topics: Collection[str] = ()) -> dict[str, Columns]:
+def read_columns(path: Path, topics: Collection[str] = ()) -> dict[str, TopicColumns]:
     """Return the columns of each topic that a recording has messages of.
 
     Raises RecordingError if it is no recording, or has no message of any of the topics.
     """
-    found: dict[str, Columns] = {}
+    found: dict[str, TopicColumns] = {}
     for topic, time_ns, body in read_messages(path, topics):
-        found.setdefault(topic, Columns()).add(time_ns, body)
+        found.setdefault(topic, TopicColumns()).add(time_ns, body)
     if not found:
         raise RecordingError(f"{path}: holds no message of {', '.join(topics) or 'any topic'}")
     return found
@@ -104,12 +104,12 @@ def _expansions(kind: type[msgspec.Struct]) -> tuple[tuple[str, Expand], ...]:
     return tuple((each.name, _expansion(each.form, each.spec.row if each.spec else None)) for each in fields(kind))
 
 
-def _expansion(form: Form, row: type[msgspec.Struct] | None) -> Expand:
-    if form is Form.ARRAY:
+def _expansion(form: FieldForm, row: type[msgspec.Struct] | None) -> Expand:
+    if form is FieldForm.ARRAY:
         return _array if row is None else lambda name, table: _rows(name, table, row)
-    if form is Form.MANY:
+    if form is FieldForm.MANY:
         return _many
-    return _map if form is Form.MAP else _one
+    return _map if form is FieldForm.MAP else _one
 
 
 def _one(name: str, value: Any) -> Iterator[tuple[str, Any]]:

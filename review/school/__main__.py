@@ -14,9 +14,9 @@ from contextlib import suppress
 
 from trocar.review.school.app import build_app
 from trocar.review.school.bench import Bench
-from trocar.review.school.listening import Listener
+from trocar.review.school.listening import AttemptListener
 from trocar.review.school.replays import folder_of
-from trocar.review.school.settings_routes import Settings
+from trocar.review.school.settings_routes import EditableSettings
 from trocar.review.settings.files import ConfigurationFiles
 from trocar.review.settings.host import Host
 from trocar.services.runtime.config.rig import Rig
@@ -64,8 +64,8 @@ def main(descriptor: int) -> int:
     sock.bind(str(path))
     path.chmod(0o600)
     sock.listen(16)
-    listener = Listener(rig, bench.terms(), bench.take_assessment)
-    settings = Settings(ConfigurationFiles(), Host(rig, setup.asked, setup.scene, folder_of(None)))
+    listener = AttemptListener(rig, bench.terms(), bench.take_assessment)
+    settings = EditableSettings(ConfigurationFiles(), Host(rig, setup.asked, setup.scene, folder_of(None)))
     server = make_server(build_app(bench, settings))
     try:
         asyncio.run(serve_until(server, sock, lambda: _has_ended(link)))

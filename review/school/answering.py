@@ -19,7 +19,7 @@ _WORDS_BYTES = 1 << 18  # far more than any form or file of settings has, as it 
 Handler = Callable[[Request], Awaitable[Response]]
 
 
-class Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class PageQuery(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a page asks for; each request takes what it needs of it."""
 
     trainee: str = ""
@@ -39,7 +39,7 @@ class Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     key: str = ""
 
 
-def answering(call: Callable[[Request, Ask], Any], *, desk: bool = False) -> Handler:
+def answering(call: Callable[[Request, PageQuery], Any], *, desk: bool = False) -> Handler:
     """Return a handler that answers with what a call returns, or says why not; `desk`: to an instructor only."""
 
     async def handle(request: Request) -> Response:
@@ -47,7 +47,7 @@ def answering(call: Callable[[Request, Ask], Any], *, desk: bool = False) -> Han
             return as_json({"error": "the token of the class is needed: only an instructor may do this"}, 403)
         try:
             text = await body_of(request, _WORDS_BYTES)
-            ask = msgspec.json.decode(text, type=Ask) if text else Ask()
+            ask = msgspec.json.decode(text, type=PageQuery) if text else PageQuery()
             found = await run_in_threadpool(call, request, ask)
         except msgspec.DecodeError as error:
             return as_json({"error": f"the request cannot be read: {error}"}, 400)

@@ -10,11 +10,11 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from trocar.review.school.answering import ROLE, Ask, Handler, answering, as_json, body_of
+from trocar.review.school.answering import ROLE, Handler, PageQuery, answering, as_json, body_of
 from trocar.review.school.bench import Bench
 from trocar.review.school.replays import MOST_BYTES
 from trocar.review.school.reports import SCALES
-from trocar.review.school.settings_routes import Settings, settings_routes
+from trocar.review.school.settings_routes import EditableSettings, settings_routes
 from trocar.services.runtime.errors import UserError
 
 _PICTURE_BYTES = 1 << 20  # more than a page's picture as JPEG, as it may be endless
@@ -23,7 +23,7 @@ _KINDS = {"csv": "text/csv", "json": "application/json", "xapi": "application/js
 _LARGEST_NUMBER = 2**63 - 1
 
 
-def build_app(bench: Bench, settings: Settings | None = None) -> Starlette:
+def build_app(bench: Bench, settings: EditableSettings | None = None) -> Starlette:
     """Return the application, with the settings of the rig if they are given."""
     of_rig = settings_routes(settings, bench.journal) if settings is not None else []
     return Starlette(routes=[*_trainee_routes(bench), *_file_routes(bench), *_desk_routes(bench), *of_rig])
@@ -32,20 +32,20 @@ def build_app(bench: Bench, settings: Settings | None = None) -> Starlette:
 def _trainee_routes(bench: Bench) -> list[Route]:
     """Return what a trainee asks for: who trains, in which course, attempts and curve."""
 
-    def enter(_request: Request, ask: Ask) -> object:
+    def enter(_request: Request, ask: PageQuery) -> object:
         bench.enter(ask.trainee or bench.new_name(), ask.pin)
         return bench.state()
 
-    def leave(_request: Request, _ask: Ask) -> object:
+    def leave(_request: Request, _ask: PageQuery) -> object:
         bench.leave()
         return bench.state()
 
-    def choose(request: Request, ask: Ask) -> object:
+    def choose(request: Request, ask: PageQuery) -> object:
         by = request.headers.get(ROLE, "trainee")
         bench.choose(ask.course, by, ask.trainee if by == "instructor" else "")
         return bench.state()
 
-    def curve(request: Request, _ask: Ask) -> object:
+    def curve(request: Request, _ask: PageQuery) -> object:
         query = request.query_params
         return bench.curve(query.get("trainee", ""), query.get("scenario", ""))
 
@@ -118,20 +118,20 @@ def _with_files(handle: Handler) -> Handler:
 def _desk_routes(bench: Bench) -> list[Route]:
     """Return what only an instructor may do."""
 
-    def done(act: Callable[[Ask, Request], object]) -> Handler:
-        def call(request: Request, ask: Ask) -> object:
+    def done(act: Callable[[PageQuery, Request], object]) -> Handler:
+        def call(request: Request, ask: PageQuery) -> object:
             act(ask, request)
             return {"ok": True}
 
         return answering(call, desk=True)
 
-    def export(request: Request, _ask: Ask) -> Response:
+    def export(request: Request, _ask: PageQuery) -> Response:
         form = request.path_params["form"]
         if form not in _KINDS:
             raise UserError(f"{form!r} is no form of export; known: {', '.join(_KINDS)}")
         return Response(bench.export(form, request.query_params.get("trainee")), media_type=_KINDS[form])
 
-    acts: dict[str, Callable[[Ask, Request], object]] = {
+    acts: dict[str, Callable[[PageQuery, Request], object]] = {
         "/attempts/{number:int}/rating": lambda a, r: bench.rate(_number(r), a.scale, a.points, a.by),
         "/attempts/{number:int}/bookmark": lambda a, r: bench.bookmark(_number(r), a.at_s, a.words, a.by),
         "/mark": lambda a, _r: bench.mark(a.trainee, a.kind, a.value, a.by),

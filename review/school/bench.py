@@ -18,7 +18,7 @@ from trocar.review.attempts.assessment import Assessment
 from trocar.review.attempts.experts import band_of, counts_of
 from trocar.review.attempts.statements import statement
 from trocar.review.attempts.store.attempts import Listed, Store
-from trocar.review.journal import Journal
+from trocar.review.journal import ActJournal
 from trocar.review.school import reports
 from trocar.review.school.courses import Course, Made, StepStanding, course_names, load_course, standing, today
 from trocar.review.school.listening import wall_minus_monotonic_ns
@@ -64,7 +64,7 @@ class Bench:
         self.messages: list[dict[str, Any]] = []
         self._picture, self._picture_s, self._watched_s = b"", -_LOOKED_S, -_LOOKED_S
         self.replays = Replays(folder_of(database))
-        self.journal = Journal(journal or folder_of(database).with_suffix(".journal"))
+        self.journal = ActJournal(journal or folder_of(database).with_suffix(".journal"))
 
     def pulse(self) -> dict[str, Any]:
         """Return what a page asks for each second: whether somebody looks, the last message, and what has changed."""

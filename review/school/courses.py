@@ -21,7 +21,7 @@ Coaching = Literal["full", "faded", "none"]
 _DAY_NS = 86_400 * 10**9  # of the world's time, as courses are judged by the same days everywhere
 
 
-class Rule(Settings):
+class PassRule(Settings):
     """What passes a task. All that is named must hold, for each of so many attempts in a row."""
 
     in_a_row: Annotated[int, Field(ge=1, le=50)] = Field(1, description="attempts one after the other that must pass")
@@ -38,7 +38,7 @@ class Step(Settings):
     title: Annotated[str, Field(min_length=1, max_length=128)]
     scenario: str = Field(description="a file of configs/scenarios")
     coaching: Coaching = Field("full", description="help while it is made: full, faded (the ghost fades) or none")
-    passes: Rule = Rule()
+    passes: PassRule = PassRule()
     is_test: bool = Field(False, description="a test before or after: one attempt is enough, whatever its outcome")
 
 
@@ -134,7 +134,7 @@ def _holds(step: Step, rows: Sequence[Listed], rules: ScoreRules) -> bool:
     return chart.values[-1] <= chart.clear
 
 
-def _is_good(rule: Rule, row: Listed) -> bool:
+def _is_good(rule: PassRule, row: Listed) -> bool:
     return (
         row.outcome == "success"
         and (rule.score is None or (row.total or 0.0) >= rule.score)

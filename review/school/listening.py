@@ -26,7 +26,7 @@ _SAMPLE_S = MOMENT_TICKS * TICK_S  # as often as there are moments in simulated 
 _PATIENCE_NS = 20 * TICK_NS  # half a sample; the topics are sent each tick, so that nearly all come
 
 
-class Listener:
+class AttemptListener:
     """A thread that calls `take` with each attempt that has ended."""
 
     def __init__(self, rig: Rig, terms: Terms, take: Callable[[Assessment, Path | None], object]) -> None:

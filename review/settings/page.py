@@ -19,10 +19,10 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from trocar.review.journal import Journal
+from trocar.review.journal import ActJournal
 from trocar.review.school.answering import as_instructor
 from trocar.review.school.replays import folder_of
-from trocar.review.school.settings_routes import Settings, settings_routes
+from trocar.review.school.settings_routes import EditableSettings, settings_routes
 from trocar.review.settings.files import ConfigurationFiles
 from trocar.review.settings.host import Host
 from trocar.services.runtime.config.config import find, load_rig
@@ -36,7 +36,7 @@ from trocar.services.supervisor.page.web import UNTOLD
 HOST = "127.0.0.1"
 
 
-def build_app(settings: Settings, journal: Journal, token: str, dist: Path = DIST) -> Starlette:
+def build_app(settings: EditableSettings, journal: ActJournal, token: str, dist: Path = DIST) -> Starlette:
     """Return the web application: the built page, and the settings for who has the token.
 
     Raises ConfigError if the page is not built.
@@ -87,8 +87,10 @@ def serve(rig_name: str, scene: str, overrides: Sequence[str], port: int) -> Non
     with suppress(ConfigError):  # the page shows it, at the file
         rig = load_rig(rig_name, overrides)
     replays, token = folder_of(None), secrets.token_urlsafe(16)
-    settings = Settings(ConfigurationFiles(), Host(rig, (rig_name, overrides), scene, replays, is_running=False))
-    app = build_app(settings, Journal(replays.with_suffix(".journal")), token)
+    settings = EditableSettings(
+        ConfigurationFiles(), Host(rig, (rig_name, overrides), scene, replays, is_running=False)
+    )
+    app = build_app(settings, ActJournal(replays.with_suffix(".journal")), token)
     with closing(listen(HOST, port, "--port N")) as sock:
         print(f"the settings: open http://{HOST}:{sock.getsockname()[1]}/#token={token}", flush=True)  # noqa: T201
         make_server(app).run(sockets=[sock])

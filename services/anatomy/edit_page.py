@@ -20,7 +20,7 @@ from starlette.requests import Request as HttpRequest
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from trocar.services.anatomy.making import MadeAnatomy, Request, propose, rounded_mm
+from trocar.services.anatomy.making import AnatomyRequest, MadeAnatomy, propose, rounded_mm
 from trocar.services.meshes.errors import MeshError
 from trocar.services.runtime.web.web_host import KnownHost, listen
 from trocar.services.runtime.web.web_server import make_server, serve_until
@@ -137,7 +137,7 @@ def shown(made: MadeAnatomy) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def picked_request(made: MadeAnatomy, picked: dict[str, Any]) -> Request:
+def picked_request(made: MadeAnatomy, picked: dict[str, Any]) -> AnatomyRequest:
     """Return the request with what a person picked: mouth, held, ports_mm, goal_mm, and names by the old ones.
 
     Raises ValueError or MeshError if a value cannot be.

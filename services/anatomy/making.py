@@ -33,7 +33,7 @@ ANTERIOR = (0.0, -1.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Request:
+class AnatomyRequest:
     """What a person says of a file.
 
     Attributes:
@@ -63,7 +63,7 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Goal:
+class TipGoal:
     """Where the catheter's tip is to go: so far along the way from the mouth to an end."""
 
     end: str
@@ -81,7 +81,7 @@ class MadeAnatomy:
     """
 
     path: Path
-    request: Request
+    request: AnatomyRequest
     surface: PatientSurface
     wall: Wall
     duct: OpenedDuct
@@ -90,7 +90,7 @@ class MadeAnatomy:
     origin_m: FloatArray
     axes: FloatArray
     ports_m: list[list[float]]
-    goal: Goal | None = None
+    goal: TipGoal | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -99,7 +99,7 @@ class MadeAnatomy:
         return [end.name for end in self.duct.ends]
 
 
-def make_anatomy(path: Path, request: Request, on_step: OnStep = lambda step: None) -> MadeAnatomy:
+def make_anatomy(path: Path, request: AnatomyRequest, on_step: OnStep = lambda step: None) -> MadeAnatomy:
     """Return the duct of a file with a proposal for its scene.
 
     Raises MeshError if it cannot become one: one sentence with the file, the reason and the place.
@@ -117,12 +117,12 @@ def make_anatomy(path: Path, request: Request, on_step: OnStep = lambda step: No
         raise MeshError(f"{path}: {error}") from error
 
 
-def _refuse_labels(path: Path, request: Request) -> None:
+def _refuse_labels(path: Path, request: AnatomyRequest) -> None:
     if request.label is not None or request.wall is not None:
         raise MeshError(f"{path}: is a surface and has no labels; --label and --wall are a volume's")
 
 
-def _made(path: Path, request: Request, surface: PatientSurface, timed: _Timed) -> MadeAnatomy:
+def _made(path: Path, request: AnatomyRequest, surface: PatientSurface, timed: _Timed) -> MadeAnatomy:
     timed("measuring the wall")
     wall = wall_of(surface, request.thickness_m)
     closed = surface.mesh if request.is_middle else middle_of_wall(surface.mesh, wall)
@@ -134,7 +134,7 @@ def _made(path: Path, request: Request, surface: PatientSurface, timed: _Timed) 
     return replace(made, seconds=timed.seconds)
 
 
-def propose(path: Path, request: Request, surface: PatientSurface, wall: Wall, duct: OpenedDuct) -> MadeAnatomy:
+def propose(path: Path, request: AnatomyRequest, surface: PatientSurface, wall: Wall, duct: OpenedDuct) -> MadeAnatomy:
     """Return the duct with the scene that a request and the proposals for what it leaves open make.
 
     Raises MeshError if they do not go together.
@@ -152,12 +152,12 @@ def propose(path: Path, request: Request, surface: PatientSurface, wall: Wall, d
     )
 
 
-def _goal(placed: TriangleMesh, place_m: FloatArray) -> Goal:
+def _goal(placed: TriangleMesh, place_m: FloatArray) -> TipGoal:
     """Return how far along which way from the mouth a place lies."""
     nearest = min(centrelines(placed).items(), key=lambda each: float(np.linalg.norm(each[1] - place_m, axis=1).min()))
     name, way = nearest
     along = arc_length_m(way)
-    return Goal(name, round(float(along[int(np.linalg.norm(way - place_m, axis=1).argmin())]), 4))
+    return TipGoal(name, round(float(along[int(np.linalg.norm(way - place_m, axis=1).argmin())]), 4))
 
 
 def _renamed(duct: OpenedDuct, names: tuple[str, ...]) -> OpenedDuct:

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from trocar.services.anatomy.making import MadeAnatomy, Request, make_anatomy
+from trocar.services.anatomy.making import AnatomyRequest, MadeAnatomy, make_anatomy
 from trocar.services.anatomy.preview import draw_preview
 from trocar.services.anatomy.scene_folder import PICTURE, SCENE, facts, write_folder
 from trocar.services.files.cache_directory import cache_directory
@@ -43,7 +43,7 @@ def run_anatomy(
     """
     draw_off_screen(os.environ)
     folder = out or Path(f"{_stem(file)}-scene")
-    request = Request(
+    request = AnatomyRequest(
         label=label, wall=wall, unit=unit, axes=axes, is_middle=surface_is == "middle",
         thickness_m=_metres("--thickness-mm", thickness_mm), edge_m=_metres("--edge-mm", edge_mm),
         mouth=mouth, held=held, names=names,

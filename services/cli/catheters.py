@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from trocar.services.cli.value_table import Row, value_table
+from trocar.services.cli.value_table import ValueRow, value_table
 from trocar.services.runtime.config.products import Product, load_product, product_names
 
 
@@ -44,7 +44,10 @@ def bending_stiffness_n_m2(product: Product) -> float:
 def _table(product: Product) -> Table:
     return value_table(
         "value",
-        (Row(k, v.value, v.low, v.high, source_of(v.source, v.assumed)) for k, v in product.named_values().items()),
+        (
+            ValueRow(k, v.value, v.low, v.high, source_of(v.source, v.assumed))
+            for k, v in product.named_values().items()
+        ),
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from rich.console import Console
 
-from trocar.services.cli.value_table import Row, value_table
+from trocar.services.cli.value_table import ValueRow, value_table
 from trocar.services.mechanics.scene.cystic_duct import COURSES, RANGES, CysticDuctScene, drawn_cystic_duct
 
 
@@ -18,7 +18,7 @@ def run_cystic_duct(seed: int | None, as_json: bool) -> None:
         ranges = {name: asdict(quantity) for name, quantity in RANGES.items()}
         print(json.dumps({"drawn": asdict(drawn), "ranges": ranges, "courses": COURSES}, indent=1))
         return
-    rows = (Row(name, getattr(drawn, name), each.low, each.high, each.source) for name, each in RANGES.items())
+    rows = (ValueRow(name, getattr(drawn, name), each.low, each.high, each.source) for name, each in RANGES.items())
     console = Console(highlight=False)
     console.print(value_table("quantity", rows, "drawn" if seed is not None else "usual"))
     shares = ", ".join(f"{course} {100 * share:g} %" for course, share in COURSES.items())

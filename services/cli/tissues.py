@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from trocar.services.cli.value_table import Row, value_table
+from trocar.services.cli.value_table import ValueRow, value_table
 from trocar.services.mechanics.scene.tissue import DUCH_DISTENSION, TISSUES, Distension, Tissue
 
 
@@ -53,4 +53,5 @@ def _percent(seen: Distension) -> str:
 
 
 def _table(preset: Tissue) -> Table:
-    return value_table("quantity", (Row(k, q.value, q.low, q.high, q.source) for k, q in preset.quantities().items()))
+    quantities = preset.quantities().items()
+    return value_table("quantity", (ValueRow(name, q.value, q.low, q.high, q.source) for name, q in quantities))

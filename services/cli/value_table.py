@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 
-class Row(NamedTuple):
+class ValueRow(NamedTuple):
     """A named value in SI units, its range, and its source as people read it."""
 
     name: str
@@ -19,7 +19,7 @@ class Row(NamedTuple):
     source: str
 
 
-def value_table(title: str, rows: Iterable[Row], of_values: str = "is") -> Table:
+def value_table(title: str, rows: Iterable[ValueRow], of_values: str = "is") -> Table:
     """Return a table whose first column has a title, and that of the values another."""
     table = Table(box=None, pad_edge=False)
     for column in (title, of_values, "from", "to", "source"):

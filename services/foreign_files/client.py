@@ -24,9 +24,9 @@ from trocar.services.foreign_files.packets import (
     LAST,
     PACKET_MAX,
     REFUSED,
+    CallRequest,
     Ended,
     Refused,
-    Request,
 )
 
 _SERVER = "trocar.services.foreign_files.server"
@@ -77,7 +77,7 @@ def ask(
     encoded = {
         name: msgspec.Raw(json.dumps(value).encode()) for name, value in {"path": str(path), **arguments}.items()
     }
-    request = Request(function, encoded, limits.memory_bytes, limits.cpu_s, nice)
+    request = CallRequest(function, encoded, limits.memory_bytes, limits.cpu_s, nice)
     with closing(_server(module).send(request)) as source:
         yield from _Answer(path, limits, source, on_end).messages()
 
@@ -174,7 +174,7 @@ class _ServerLink:
     def is_alive(self) -> bool:
         return self._process.poll() is None
 
-    def send(self, request: Request) -> socket.socket:
+    def send(self, request: CallRequest) -> socket.socket:
         """Send a request; return the socket of its answer."""
         source, sink = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with sink:

@@ -18,7 +18,7 @@ REQUEST_MAX = PACKET_MAX = 1 << 16
 PART, LAST, REFUSED, ENDED = b"+", b".", b"!", b"="
 
 
-class Request(msgspec.Struct, frozen=True):
+class CallRequest(msgspec.Struct, frozen=True):
     """A function of the server's module, its arguments, and what it may take."""
 
     function: str

@@ -31,9 +31,9 @@ from trocar.services.foreign_files.packets import (
     PACKET_MAX,
     REFUSED,
     REQUEST_MAX,
+    CallRequest,
     Ended,
     Refused,
-    Request,
     send_message,
 )
 
@@ -86,7 +86,7 @@ class _Server:
         data, descriptors, _flags, _address = socket.recv_fds(self._link, REQUEST_MAX, 1)
         if not data:
             return False
-        request, sink = msgspec.json.decode(data, type=Request), socket.socket(fileno=descriptors[0])
+        request, sink = msgspec.json.decode(data, type=CallRequest), socket.socket(fileno=descriptors[0])
         pid = os.fork()
         if pid == 0:
             self._selector.close()
@@ -128,7 +128,7 @@ def _kill(pid: int) -> None:
         os.kill(pid, signal.SIGKILL)
 
 
-def _read(function: Callable[..., Iterator[bytes]], request: Request, sink: socket.socket) -> None:
+def _read(function: Callable[..., Iterator[bytes]], request: CallRequest, sink: socket.socket) -> None:
     """Be a reader: send the messages of an answer, or why there is none, and end."""
     code = _EXIT_REFUSED
     try:
@@ -154,7 +154,7 @@ def _one_line(text: str) -> str:
     return " ".join(text.encode(errors="replace").decode().split())[:2000]
 
 
-def _limit(request: Request) -> None:
+def _limit(request: CallRequest) -> None:
     """Take no more than the request grants, and write to no terminal."""
     gc.enable()
     nowhere = os.open(os.devnull, os.O_RDWR)

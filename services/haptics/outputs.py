@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from trocar.protocol.bodies import GraspHold as HoldBody
+from trocar.protocol.bodies import HeldPoint
 from trocar.services.mechanics.scene.tools import GraspHold
 
 
-def hold_body(hold: GraspHold) -> HoldBody:
+def hold_body(hold: GraspHold) -> HeldPoint:
     """Return a hold in wire format."""
     a, b, c = hold.target_weights.tolist()
-    return HoldBody(
+    return HeldPoint(
         hold_id=hold.hold_id,
         tool=hold.tool,
         target_kind=hold.target_kind,

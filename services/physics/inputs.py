@@ -8,8 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from trocar.protocol.arrays import Array
-from trocar.protocol.bodies import GraspHold as HoldBody
-from trocar.protocol.bodies import ToolContacts
+from trocar.protocol.bodies import HeldPoint, ToolContacts
 from trocar.protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_PORT, TOOL_POSITION, TOOL_ROLL, tool_table
 from trocar.services.mechanics.arrays import BoolArray, FloatArray
 from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
@@ -50,7 +49,7 @@ class ContactsReader:
         n_triangles = simulation.duct.reduced.mesh.triangles.shape[0]
         n_segments = simulation.catheter.state.position_m.shape[0] - 1
         self._most = {DUCT_TRIANGLE: n_triangles, CATHETER_SEGMENT: n_segments}
-        self._holds: dict[int, tuple[HoldBody, GraspHold]] = {}
+        self._holds: dict[int, tuple[HeldPoint, GraspHold]] = {}
         self._table = ToolTable.zeros(
             present=self.tools.present,
             port=simulation.tools.port_m,
@@ -81,15 +80,15 @@ class ContactsReader:
         """Read an empty frame as it comes off the wire."""
         self.read_contacts(ToolContacts(tick=0, tools=tool_table(())))
 
-    def _is_there(self, hold: HoldBody) -> bool:
+    def _is_there(self, hold: HeldPoint) -> bool:
         return hold.tool < N_TOOLS and hold.target < self._most[hold.target_kind]
 
-    def _take_holds(self, holds: tuple[HoldBody, ...]) -> None:
+    def _take_holds(self, holds: tuple[HeldPoint, ...]) -> None:
         self.tools.holds = [self._hold(hold) for hold in holds] if holds else []
         if len(self._holds) > len(holds):
             self._holds = {hold.hold_id: self._holds[hold.hold_id] for hold in holds}
 
-    def _hold(self, body: HoldBody) -> GraspHold:
+    def _hold(self, body: HeldPoint) -> GraspHold:
         """Return the hold of this number, the same object as before unless it holds something else."""
         known = self._holds.get(body.hold_id)
         if known is None or _held_by(known[0]) != _held_by(body):
@@ -117,7 +116,7 @@ def copy_tools(address: Address[ToolTable], n_tools: int) -> None:
 _held_by = attrgetter("tool", "target_kind", "target", "target_weights")
 
 
-def _weights(body: HoldBody) -> FloatArray:
+def _weights(body: HeldPoint) -> FloatArray:
     if body.target_kind == CATHETER_SEGMENT:
         return np.array([*body.target_weights[:2], 0.0])
     return np.array(body.target_weights)

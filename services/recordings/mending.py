@@ -27,6 +27,7 @@ from trocar.services.recordings.errors import HoleError, RecordingError, Unopene
 from trocar.services.recordings.summary import (
     HEAD,
     MAGIC,
+    RepairedRecording,
     Summary,
     attachment_index,
     finish,
@@ -42,14 +43,6 @@ from trocar.services.recordings.summary import (
 #: Start, end, uncompressed size and checksum of a chunk, before the name of its compression.
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _CHANNEL, _BLOCK = struct.Struct("<H"), 1 << 20
-
-
-@dataclass(frozen=True, slots=True)
-class RepairedRecording:
-    """Result of a repair."""
-
-    frames: int
-    cut_bytes: int
 
 
 def mend(path: Path, every_chunk: bool) -> RepairedRecording | None:

@@ -12,23 +12,11 @@ import msgspec
 from trocar.services.foreign_files import Refusal, ask
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.reader import told
-from trocar.services.recordings.summary import is_closed
+from trocar.services.recordings.summary import RepairedRecording, is_closed
 
 _MODULE = "trocar.services.recordings.foreign"
 #: Of a reader that a recorder waits for beside its work.
 _NICE = 10
-
-
-class RepairedRecording(msgspec.Struct, frozen=True):
-    """Result of a repair.
-
-    Attributes:
-        frames: Number of frames in the file.
-        cut_bytes: Size of what was cut off.
-    """
-
-    frames: int
-    cut_bytes: int
 
 
 _result = msgspec.json.Decoder(RepairedRecording | None)

@@ -11,7 +11,7 @@ from functools import cache
 import msgspec
 from google.protobuf import descriptor_pb2
 
-from trocar.protocol.fields import Field, Form, fields, nested
+from trocar.protocol.fields import Field, FieldForm, fields, nested
 
 PACKAGE = "trocar"
 ENVELOPE_FIELD = 1000  # beyond the fields of any body
@@ -76,7 +76,7 @@ def _add_row(file: descriptor_pb2.FileDescriptorProto, row: type[msgspec.Struct]
 def _add_message(file: descriptor_pb2.FileDescriptorProto, body: type[msgspec.Struct], arrays_as_bytes: bool) -> None:
     message = file.message_type.add(name=body.__name__)
     for number, field in enumerate(fields(body), start=1):
-        if field.form is Form.MAP:
+        if field.form is FieldForm.MAP:
             _add_map(message, field, number)
         elif arrays_as_bytes and is_copied(field):
             message.field.add(name=field.name, number=number, label=_Field.LABEL_OPTIONAL, type=_Field.TYPE_BYTES)
@@ -85,7 +85,7 @@ def _add_message(file: descriptor_pb2.FileDescriptorProto, body: type[msgspec.St
 
 
 def _add_field(message: descriptor_pb2.DescriptorProto, field: Field, number: int) -> None:
-    single = field.form in (Form.ONE, Form.OPTIONAL)
+    single = field.form in (FieldForm.ONE, FieldForm.OPTIONAL)
     added = message.field.add(
         name=field.name, number=number, label=_Field.LABEL_OPTIONAL if single else _Field.LABEL_REPEATED
     )
@@ -96,7 +96,7 @@ def _add_field(message: descriptor_pb2.DescriptorProto, field: Field, number: in
         added.type = _ITEMS[field.spec.dtype]
     else:
         added.type = _SCALARS[field.item]
-    if field.form is Form.OPTIONAL and of is None:  # distinguishes a missing value from zero
+    if field.form is FieldForm.OPTIONAL and of is None:  # distinguishes a missing value from zero
         added.proto3_optional, added.oneof_index = True, len(message.oneof_decl)
         message.oneof_decl.add(name=f"_{field.name}")
 

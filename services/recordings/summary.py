@@ -82,6 +82,19 @@ class StoredEntries:
         return self._count
 
 
+@dataclass(frozen=True, slots=True)
+class RepairedRecording:
+    """Result of a repair.
+
+    Attributes:
+        frames: Number of frames in the file.
+        cut_bytes: Size of what was cut off.
+    """
+
+    frames: int
+    cut_bytes: int
+
+
 @dataclass(slots=True)
 class Summary:
     """The contents of a file, in the order of writing."""

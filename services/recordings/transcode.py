@@ -21,7 +21,7 @@ from google.protobuf.message import Message
 
 from trocar.protocol import PROTOCOL_VERSION, TOPICS, Frame, soundness, upgrades
 from trocar.protocol.arrays import Array, Spec, pack
-from trocar.protocol.fields import Field, Form, fields
+from trocar.protocol.fields import Field, FieldForm, fields
 from trocar.services.recordings.schema import PACKAGE, Envelope, file_descriptor, is_copied
 from trocar.services.recordings.table_rows import decoded_rows, encoded_rows
 
@@ -95,14 +95,14 @@ def _converters(kind: type[msgspec.Struct]) -> tuple[tuple[str, Convert | None],
 
 def _converter(field: Field) -> Convert | None:
     """Return a function that converts a field's value for the library; None if none is needed."""
-    if field.form is Form.ARRAY:
+    if field.form is FieldForm.ARRAY:
         return attrgetter("data") if is_copied(field) else lambda array: array.view().ravel().tolist()
     item = _item_converter(field)
-    if item is None or field.form is Form.ONE:
+    if item is None or field.form is FieldForm.ONE:
         return item
-    if field.form is Form.OPTIONAL:
+    if field.form is FieldForm.OPTIONAL:
         return lambda value: None if value is None else item(value)
-    if field.form is Form.MAP:
+    if field.form is FieldForm.MAP:
         return lambda value: {key: item(each) for key, each in value.items()}
     return lambda value: list(map(item, value))
 
@@ -139,11 +139,11 @@ def _reader(field: Field) -> Convert:
         item = lambda inner: _body(body, inner)  # noqa: E731
     elif field.item is int and field.limits.get("ge", -1) >= 0:
         item = lambda number: number if number >= 0 else number + (1 << 64)  # noqa: E731
-    if field.form is Form.OPTIONAL:
+    if field.form is FieldForm.OPTIONAL:
         return lambda message: _or_none(message, name, item)
-    if field.form is Form.MAP:
+    if field.form is FieldForm.MAP:
         return lambda message: dict(value(message))
-    if field.form is Form.ONE:
+    if field.form is FieldForm.ONE:
         return value if item is None else lambda message: item(value(message))
     return lambda message: tuple(value(message)) if item is None else tuple(map(item, value(message)))
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.anatomy.phantoms import curved, scan
 from tests.anatomy.volumes import _slices, write_dicom_seg, write_volume
-from trocar.services.anatomy.making import Request, make_anatomy
+from trocar.services.anatomy.making import AnatomyRequest, make_anatomy
 from trocar.services.anatomy.volume import read_volume
 from trocar.services.meshes.errors import MeshError
 
@@ -30,7 +30,7 @@ def test_a_segment_is_read_where_it_lies(tmp_path: Path) -> None:
 
 def test_it_becomes_a_duct(tmp_path: Path) -> None:
     path = write_dicom_seg(KNOWN, tmp_path / "duct", {1: "Lumen", 2: "Wall"})
-    anatomy = make_anatomy(path, Request(label="lumen", wall="wall"))
+    anatomy = make_anatomy(path, AnatomyRequest(label="lumen", wall="wall"))
     assert np.percentile(KNOWN.surface_error_mm(anatomy.surface.mesh.vertices_m), 95.0) < 0.35
     assert anatomy.wall.thickness_m == pytest.approx(0.9e-3, abs=0.15e-3)
 
@@ -42,4 +42,4 @@ def test_a_slice_of_the_scan_itself_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "slice.dcm"
     pydicom.dcmwrite(path, one, enforce_file_format=True)
     with pytest.raises(MeshError, match="is CT Image Storage, not a segmentation"):
-        make_anatomy(path, Request())
+        make_anatomy(path, AnatomyRequest())

@@ -12,7 +12,7 @@ from tests.anatomy.phantoms import forked, scan
 from tests.anatomy.volumes import write_volume
 from tests.patience import PATIENCE_S
 from trocar.services.anatomy.edit_page import EditPage
-from trocar.services.anatomy.making import MadeAnatomy, Request, make_anatomy
+from trocar.services.anatomy.making import AnatomyRequest, MadeAnatomy, make_anatomy
 from trocar.services.supervisor.page.page_place import DIST
 
 pytest.importorskip("SimpleITK", reason="the scan extra is not installed")
@@ -37,7 +37,7 @@ def choose(browser: chromium.Chromium, tool: str) -> None:
 @pytest.mark.skipif(chromium.find() is None, reason="needs Chromium")
 @pytest.mark.skipif(not (DIST / "anatomy.html").is_file(), reason="needs the built page")
 def test_clicks_are_picks(tmp_path: Path) -> None:
-    made = make_anatomy(write_volume(scan(forked(), (0.8, 0.8, 0.8)), tmp_path / "duct.nrrd"), Request())
+    made = make_anatomy(write_volume(scan(forked(), (0.8, 0.8, 0.8)), tmp_path / "duct.nrrd"), AnatomyRequest())
     saved: list[MadeAnatomy] = []
     page, addresses = EditPage(made, saved.append, DIST), list[str]()
     serving = threading.Thread(target=page.serve, args=(0, addresses.append))

@@ -12,7 +12,7 @@ import pytest
 from tests.anatomy.phantoms import forked, scan
 from tests.anatomy.volumes import write_volume
 from trocar.services.anatomy.edit_page import EditPage
-from trocar.services.anatomy.making import MadeAnatomy, Request, make_anatomy
+from trocar.services.anatomy.making import AnatomyRequest, MadeAnatomy, make_anatomy
 from trocar.services.anatomy.scene_folder import write_folder
 from trocar.services.training.scenario import load_scenario
 
@@ -23,7 +23,7 @@ pytest.importorskip("httpx", reason="the test client needs it")
 @pytest.fixture(scope="module")
 def anatomy(tmp_path_factory: pytest.TempPathFactory) -> MadeAnatomy:
     known = scan(forked(), (0.7, 0.7, 0.7))
-    return make_anatomy(write_volume(known, tmp_path_factory.mktemp("scan") / "duct.nrrd"), Request())
+    return make_anatomy(write_volume(known, tmp_path_factory.mktemp("scan") / "duct.nrrd"), AnatomyRequest())
 
 
 class Served:

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from trocar.services.anatomy.making import Request, make_anatomy
+from trocar.services.anatomy.making import AnatomyRequest, make_anatomy
 
 pytest.importorskip("SimpleITK", reason="the scan extra is not installed")
 
@@ -116,7 +116,7 @@ def test_the_surface_of_a_drawn_duct_is_within_half_a_voxel(
 ) -> None:
     duct, voxel_mm = draw(seed), float(np.cbrt(np.prod(spacing)))
     write_scan(duct, tmp_path / "duct.nrrd", np.array(spacing), noise_mm, seed)
-    mesh = make_anatomy(tmp_path / "duct.nrrd", Request()).surface.mesh
+    mesh = make_anatomy(tmp_path / "duct.nrrd", AnatomyRequest()).surface.mesh
     known_mm, made_mm = duct.surface_mm(), samples_mm(1e3 * mesh.vertices_m, mesh.triangles)
     to_known = KDTree(known_mm).query(made_mm)[0]
     to_made = KDTree(made_mm).query(known_mm[::20])[0]

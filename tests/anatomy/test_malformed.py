@@ -11,14 +11,14 @@ import pytest
 
 from tests.anatomy.phantoms import Scan, curved, scan, straight
 from tests.anatomy.volumes import image_of, write_slicer, write_volume
-from trocar.services.anatomy.making import Request, make_anatomy
+from trocar.services.anatomy.making import AnatomyRequest, make_anatomy
 from trocar.services.meshes.errors import MeshError
 
 SimpleITK = pytest.importorskip("SimpleITK", reason="the scan extra is not installed")
 
 KNOWN = scan(straight(), (0.8, 0.8, 0.8))
 GRID = KNOWN.origin_mm, KNOWN.spacing_mm, KNOWN.directions
-Made = Callable[[Path], "Path | tuple[Path, Request]"]
+Made = Callable[[Path], "Path | tuple[Path, AnatomyRequest]"]
 
 
 def labelled(labels: np.ndarray) -> Scan:
@@ -34,16 +34,16 @@ def empty(folder: Path) -> Path:
     return write_volume(labelled(np.zeros((20, 20, 20), np.uint8)), folder / "x.nrrd")
 
 
-def label_without_voxels(folder: Path) -> tuple[Path, Request]:
-    return write_slicer(KNOWN, folder / "x.seg.nrrd", {1: "Duct", 3: "Stone"}), Request(label="Stone")
+def label_without_voxels(folder: Path) -> tuple[Path, AnatomyRequest]:
+    return write_slicer(KNOWN, folder / "x.seg.nrrd", {1: "Duct", 3: "Stone"}), AnatomyRequest(label="Stone")
 
 
-def wrong_name(folder: Path) -> tuple[Path, Request]:
-    return write_slicer(KNOWN, folder / "x.seg.nrrd", {1: "Cystic duct"}), Request(label="Cystic dust")
+def wrong_name(folder: Path) -> tuple[Path, AnatomyRequest]:
+    return write_slicer(KNOWN, folder / "x.seg.nrrd", {1: "Cystic duct"}), AnatomyRequest(label="Cystic dust")
 
 
-def wrong_number(folder: Path) -> tuple[Path, Request]:
-    return write_volume(KNOWN, folder / "x.nii.gz"), Request(label="7")
+def wrong_number(folder: Path) -> tuple[Path, AnatomyRequest]:
+    return write_volume(KNOWN, folder / "x.nii.gz"), AnatomyRequest(label="7")
 
 
 def several_labels(folder: Path) -> Path:
@@ -188,16 +188,16 @@ def missing(folder: Path) -> Path:
     return folder / "x.nrrd"
 
 
-def no_such_end(folder: Path) -> tuple[Path, Request]:
-    return write_volume(KNOWN, folder / "x.nrrd"), Request(mouth="end_7")
+def no_such_end(folder: Path) -> tuple[Path, AnatomyRequest]:
+    return write_volume(KNOWN, folder / "x.nrrd"), AnatomyRequest(mouth="end_7")
 
 
-def one_end_twice(folder: Path) -> tuple[Path, Request]:
-    return write_volume(KNOWN, folder / "x.nrrd"), Request(mouth="end_0", held=("end_0",))
+def one_end_twice(folder: Path) -> tuple[Path, AnatomyRequest]:
+    return write_volume(KNOWN, folder / "x.nrrd"), AnatomyRequest(mouth="end_0", held=("end_0",))
 
 
-def wall_of_a_metre(folder: Path) -> tuple[Path, Request]:
-    return write_volume(KNOWN, folder / "x.nrrd"), Request(thickness_m=0.9)
+def wall_of_a_metre(folder: Path) -> tuple[Path, AnatomyRequest]:
+    return write_volume(KNOWN, folder / "x.nrrd"), AnatomyRequest(thickness_m=0.9)
 
 
 REFUSED: dict[Made, str] = {
@@ -240,7 +240,7 @@ REFUSED: dict[Made, str] = {
 @pytest.mark.parametrize("make", REFUSED, ids=lambda make: make.__name__)
 def test_it_is_refused_in_one_sentence(make: Made, tmp_path: Path) -> None:
     made = make(tmp_path)
-    path, request = made if isinstance(made, tuple) else (made, Request())
+    path, request = made if isinstance(made, tuple) else (made, AnatomyRequest())
     with pytest.raises(MeshError, match=REFUSED[make]) as refused:
         make_anatomy(path, request)
     sentence = str(refused.value)

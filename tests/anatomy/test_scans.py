@@ -12,7 +12,7 @@ import pytest
 
 from tests.anatomy.phantoms import Scan, curved, forked, s_shaped, scan, straight
 from tests.anatomy.volumes import write_layers, write_slicer, write_volume
-from trocar.services.anatomy.making import MadeAnatomy, Request, make_anatomy
+from trocar.services.anatomy.making import AnatomyRequest, MadeAnatomy, make_anatomy
 from trocar.services.anatomy.volume import read_volume
 from trocar.services.mechanics.surface.branched_tubes import Tube
 
@@ -47,7 +47,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     known = {} if case.directions is None else {"directions": case.directions}
     known_scan = scan(case.tubes(), case.spacing_mm, noise_mm=case.noise_mm, **known)
     path = write_volume(known_scan, tmp_path_factory.mktemp("scan") / "duct.nii.gz")
-    return known_scan, make_anatomy(path, Request(label="1"))
+    return known_scan, make_anatomy(path, AnatomyRequest(label="1"))
 
 
 def test_the_surface_is_the_ducts_within_half_a_voxel(made: tuple[Scan, MadeAnatomy]) -> None:
@@ -97,7 +97,7 @@ def test_a_place_in_the_patient_is_found_in_the_scene(made: tuple[Scan, MadeAnat
 def test_the_wall_is_measured_from_its_label(tmp_path: Path) -> None:
     known = scan(curved(), (0.4, 0.4, 0.4), thickness_mm=0.8)
     path = write_slicer(known, tmp_path / "duct.seg.nrrd", {1: "Cystic duct", 2: "Wall"})
-    wall = make_anatomy(path, Request(label="cystic duct", wall="Wall")).wall
+    wall = make_anatomy(path, AnatomyRequest(label="cystic duct", wall="Wall")).wall
     assert wall.thickness_m == pytest.approx(0.8e-3, abs=0.1e-3)
     assert wall.spread_m is not None
     assert 0.5e-3 < wall.spread_m[0] < wall.thickness_m < wall.spread_m[1] < 1.1e-3
@@ -108,7 +108,7 @@ def test_an_end_has_the_name_of_the_segment_it_borders_on(tmp_path: Path) -> Non
     beyond = np.argwhere(known.labels == 1)[:, 0].max() + 1
     known.labels[beyond:] = 2
     path = write_slicer(known, tmp_path / "duct.seg.nrrd", {1: "Cystic duct", 2: "Gall bladder"})
-    anatomy = make_anatomy(path, Request(label="Cystic duct"))
+    anatomy = make_anatomy(path, AnatomyRequest(label="Cystic duct"))
     assert {end.name for end in anatomy.duct.ends} == {"gall_bladder", "end_0"}
     assert anatomy.choice.mouth == "gall_bladder"
 
@@ -118,7 +118,7 @@ def test_a_vessel_that_leaves_the_volume_is_cut_square_inside_it(tmp_path: Path)
     held = np.argwhere(known.labels == 1)
     at = int(held[:, 0].max()) - 8
     cropped = Scan(known.tubes, known.labels[:at], known.origin_mm, known.spacing_mm, known.directions)
-    anatomy = make_anatomy(write_volume(cropped, tmp_path / "duct.nrrd"), Request())
+    anatomy = make_anatomy(write_volume(cropped, tmp_path / "duct.nrrd"), AnatomyRequest())
     for end in anatomy.duct.ends:
         assert abs(end.opening.direction[0]) > np.cos(np.radians(12.0))
 
@@ -127,7 +127,7 @@ def test_the_same_label_by_every_format_is_the_same_surface(tmp_path: Path) -> N
     known = scan(curved(), (0.8, 0.8, 0.8))
     paths = [write_volume(known, tmp_path / f"duct{ending}") for ending in (".nrrd", ".nii", ".nii.gz", ".mha")]
     paths.append(write_volume(known, tmp_path / "float.nrrd", known.labels.astype(np.float32)))
-    surfaces = [make_anatomy(path, Request(label="1")).surface.mesh for path in paths]
+    surfaces = [make_anatomy(path, AnatomyRequest(label="1")).surface.mesh for path in paths]
     for other in surfaces[1:]:
         assert other.vertices_m == pytest.approx(surfaces[0].vertices_m, abs=1e-8)  # NIfTI has axes in single precision
 

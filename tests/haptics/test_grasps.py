@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.physics.conftest import PORTS, Rig
-from trocar.protocol.bodies import GraspHold
+from trocar.protocol.bodies import HeldPoint
 from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
 
 FAR, ACROSS_RAD = (0.02, -0.05, 0.08), 0.5 * math.pi
@@ -32,7 +32,7 @@ def test_jaws_that_close_round_the_catheter_hold_it_until_they_open(rig: Rig, mo
         find(tools, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(rig.haptics.grasping.touches, "find", watched)
-    junction, held = round_catheter(rig), list[tuple[GraspHold, ...]]()
+    junction, held = round_catheter(rig), list[tuple[HeldPoint, ...]]()
     for k in range(CLOSING_TICKS + 60):
         handle_rad = OPEN_RAD * max(0.0, 1.0 - k / CLOSING_TICKS) if k < CLOSING_TICKS + 50 else OPEN_RAD
         rig.turn(junction, FAR, handle_rad=handle_rad, roll_rad=ACROSS_RAD)

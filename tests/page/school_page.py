@@ -29,7 +29,7 @@ from trocar.protocol import bodies
 from trocar.review.attempts.assessment import Assessment, Series
 from trocar.review.school.app import build_app as build_school
 from trocar.review.school.bench import Bench
-from trocar.review.school.settings_routes import Settings
+from trocar.review.school.settings_routes import EditableSettings
 from trocar.review.settings.files import ConfigurationFiles
 from trocar.review.settings.host import Host
 from trocar.services.runtime.config.config import config_directory, load_rig
@@ -125,7 +125,7 @@ def school_page(folder: Path, size: tuple[int, int] = (1280, 800)) -> Iterator[S
             healthy=lambda: (True, "running"), view_port=lambda: show.port, token=TOKEN, switches=True,
         )  # fmt: skip
         body = msgspec.to_builtins(supervisor.shown(supervisor.Bench(supervisor.rig())))
-        of_rig = Settings(ConfigurationFiles(_copied(folder)), Host(settings, ("mouse", ()), "default"))
+        of_rig = EditableSettings(ConfigurationFiles(_copied(folder)), Host(settings, ("mouse", ()), "default"))
         stack.enter_context(_listening(build_school(bench, of_rig), socket_path(settings.transport)))
         [address] = stack.enter_context(served(build_app(context)))
         browser = stack.enter_context(Chromium(folder / "profile", size))

@@ -13,7 +13,7 @@ from tests.memory_bus import MemoryBus
 from tests.physics.conftest import STALE_S, Rig
 from trocar.protocol import Frame
 from trocar.protocol.arrays import pack
-from trocar.protocol.bodies import GatewayState, GraspHold, InstrumentState
+from trocar.protocol.bodies import GatewayState, HeldPoint, InstrumentState
 from trocar.protocol.bodies.haptics import tool_table
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.physics.inputs import ContactsReader
@@ -130,7 +130,7 @@ def test_a_frame_with_a_grasp_of_what_is_not_there_is_refused_whole(rig: Rig) ->
     rig.turn((0.02, 0.0, 0.006), FAR)
     frame = spy.latest("haptics.contacts")
     assert frame is not None
-    hold = GraspHold(
+    hold = HeldPoint(
         hold_id=1, tool=0, target_kind=1, target=19, target_weights=(1.0, 0.0, 0.0), limit_n=1.0, jaw_angle_rad=0.1
     )
     good = msgspec.structs.replace(frame.body, holds=(hold,))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.physics.conftest import Rig
-from trocar.protocol.bodies import GraspHold, ToolContacts, ToolReaction, ToolState
+from trocar.protocol.bodies import HeldPoint, ToolContacts, ToolReaction, ToolState
 from trocar.protocol.bodies.haptics import TOOL_COLUMNS, tool_table
 from trocar.protocol.bodies.physics import reaction_table
 from trocar.services.physics.inputs import ContactsReader
@@ -20,7 +20,7 @@ TOOLS = [
 ]
 
 
-def frame(*tools: ToolState, holds: tuple[GraspHold, ...] = ()) -> ToolContacts:
+def frame(*tools: ToolState, holds: tuple[HeldPoint, ...] = ()) -> ToolContacts:
     return ToolContacts(tick=0, tools=tool_table(tools), holds=holds)
 
 
@@ -72,7 +72,7 @@ def test_every_number_of_a_tool_arrives_in_its_place(rig: Rig) -> None:
 
 def test_a_frame_that_is_refused_moves_no_tool(rig: Rig) -> None:
     reader = ContactsReader(rig.physics.simulation)
-    hold = GraspHold(
+    hold = HeldPoint(
         hold_id=1, tool=0, target_kind=0, target=10**6, target_weights=(1.0, 0.0, 0.0), limit_n=1.0, jaw_angle_rad=0.1
     )
     assert reader.read_contacts(frame(*TOOLS[:2]))

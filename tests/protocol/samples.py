@@ -12,7 +12,7 @@ from trocar.protocol import TOPICS, Frame, bodies
 from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.haptics import tool_table
 from trocar.protocol.bodies.physics import reaction_table
-from trocar.protocol.fields import Field, Form, fields
+from trocar.protocol.fields import Field, FieldForm, fields
 from trocar.services.runtime.loop.tick_grid import as_state
 
 INCARNATION = 0x1234_5678_9ABC
@@ -46,7 +46,7 @@ def _contacts() -> bodies.ToolContacts:
         tick=5,
         tools=tool_table([bodies.ToolState(position_m=(0.1, 0.2, 0.3), port_m=(0.0, 0.0, 0.1), jaw_angle_rad=0.5)]),
         holds=(
-            bodies.GraspHold(
+            bodies.HeldPoint(
                 hold_id=2, tool=0, target_kind=1, target=3, target_weights=(0.5, 0.5, 0.0),
                 limit_n=1.5, jaw_angle_rad=0.1,
             ),
@@ -131,11 +131,11 @@ def _value(field: Field, place: int) -> Any:
         shape = tuple(2 if isinstance(length, str) else length for length in field.spec.shape)
         return pack(place + np.arange(np.prod(shape)).reshape(shape), field.spec.dtype)
     item = example(field.body) if field.body else {int: place, float: 0.01 * place, bool: True, str: "a"}[field.item]
-    if field.form is Form.FIXED:
+    if field.form is FieldForm.FIXED:
         return (item,) * field.count
-    if field.form is Form.MANY:
+    if field.form is FieldForm.MANY:
         return (item,)
-    return {"a": item} if field.form is Form.MAP else item
+    return {"a": item} if field.form is FieldForm.MAP else item
 
 
 def frame(name: str) -> Frame:

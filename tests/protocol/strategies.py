@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from trocar.protocol.arrays import Array, Spec, pack
-from trocar.protocol.fields import Field, Form, fields
+from trocar.protocol.fields import Field, FieldForm, fields
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64, min_value=-1e9, max_value=1e9)
 
@@ -26,13 +26,13 @@ def _value(field: Field, lengths: dict[str, int], draw: st.DrawFn) -> st.SearchS
         return _array(field.spec, lengths, draw)
     item = _item(field)
     longest = int(min(3, field.limits.get("max_length", 3)))
-    if field.form is Form.OPTIONAL:
+    if field.form is FieldForm.OPTIONAL:
         return st.none() | item
-    if field.form is Form.MANY:
+    if field.form is FieldForm.MANY:
         return st.lists(item, max_size=longest).map(tuple)
-    if field.form is Form.FIXED:
+    if field.form is FieldForm.FIXED:
         return st.tuples(*[item] * field.count)
-    if field.form is Form.MAP:
+    if field.form is FieldForm.MAP:
         return st.dictionaries(st.text(max_size=12), item, max_size=longest)
     return item
 
@@ -59,4 +59,4 @@ def _item(field: Field) -> st.SearchStrategy[Any]:
         low, high = limits.get("ge", limits.get("gt", -1e9)), limits.get("le", 1e9)
         return st.floats(low, high, exclude_min="gt" in limits, allow_nan=False)
     assert field.item is str, field
-    return st.text(max_size=int(min(12, limits.get("max_length", 12))) if field.form is Form.ONE else 12)
+    return st.text(max_size=int(min(12, limits.get("max_length", 12))) if field.form is FieldForm.ONE else 12)

@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from trocar.protocol.arrays import Array, pack, spec
 from trocar.protocol.declared import fault
-from trocar.protocol.fields import Field, Form, arrays, fields, nested
+from trocar.protocol.fields import Field, FieldForm, arrays, fields, nested
 from trocar.protocol.soundness import check
 
 
@@ -33,15 +33,15 @@ class Every(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 def test_every_form_is_found() -> None:
     assert fields(Every) == (
-        Field("word", Form.ONE, str, limits={"max_length": 4}, description="a word"),
-        Field("number", Form.ONE, float, limits={"gt": 0.0}),
-        Field("maybe", Form.OPTIONAL, float),
-        Field("inner", Form.OPTIONAL, Inner),
-        Field("few", Form.MANY, Inner, limits={"max_length": 2}),
-        Field("vector", Form.FIXED, float, count=2),
-        Field("by_name", Form.MAP, float),
-        Field("inners", Form.MAP, Inner),
-        Field("row", Form.ARRAY, Array, description="m", spec=arrays(Every)[0][1]),
+        Field("word", FieldForm.ONE, str, limits={"max_length": 4}, description="a word"),
+        Field("number", FieldForm.ONE, float, limits={"gt": 0.0}),
+        Field("maybe", FieldForm.OPTIONAL, float),
+        Field("inner", FieldForm.OPTIONAL, Inner),
+        Field("few", FieldForm.MANY, Inner, limits={"max_length": 2}),
+        Field("vector", FieldForm.FIXED, float, count=2),
+        Field("by_name", FieldForm.MAP, float),
+        Field("inners", FieldForm.MAP, Inner),
+        Field("row", FieldForm.ARRAY, Array, description="m", spec=arrays(Every)[0][1]),
     )
     assert list(nested(Every)) == [Inner]
 

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from trocar.review.journal import Journal
+from trocar.review.journal import ActJournal
 
 
 def test_acts_come_back_the_newest_first(tmp_path: Path) -> None:
-    journal = Journal(tmp_path / "new" / "acts.journal")
+    journal = ActJournal(tmp_path / "new" / "acts.journal")
     assert journal.last() == []
     for k in range(3):
         journal.write({"by": "instructor", "act": k})
@@ -15,7 +15,7 @@ def test_acts_come_back_the_newest_first(tmp_path: Path) -> None:
 
 
 def test_a_line_that_a_full_disk_has_cut_spoils_neither_those_before_nor_the_next(tmp_path: Path) -> None:
-    journal = Journal(tmp_path / "acts.journal")
+    journal = ActJournal(tmp_path / "acts.journal")
     journal.write({"act": "before"})
     whole = journal.path.read_bytes()
     for cut in (1, 12, len(whole) - 1):
@@ -26,6 +26,6 @@ def test_a_line_that_a_full_disk_has_cut_spoils_neither_those_before_nor_the_nex
 
 
 def test_lines_that_are_no_acts_are_left_out(tmp_path: Path) -> None:
-    journal = Journal(tmp_path / "acts.journal")
+    journal = ActJournal(tmp_path / "acts.journal")
     journal.path.write_bytes(b'\xff\xfe\n[1]\n"x"\n\n{"act": "kept"}\n')
     assert journal.last() == [{"act": "kept"}]

@@ -15,7 +15,7 @@ from tests.review.class_of_pages import served
 from trocar.review.school.answering import ROLE
 from trocar.review.school.app import build_app
 from trocar.review.school.bench import Bench
-from trocar.review.school.settings_routes import Settings
+from trocar.review.school.settings_routes import EditableSettings
 from trocar.review.settings.files import ConfigurationFiles
 from trocar.review.settings.host import Host
 from trocar.review.settings.yaml_edit import with_value
@@ -188,7 +188,7 @@ def client(folder: Path, tmp_path: Path) -> Iterator[httpx.Client]:
     (tmp_path / "bus" / "log" / "physics.log").write_text("it began\n")
     (tmp_path / "rec").mkdir()
     (tmp_path / "rec" / "one.mcap").write_bytes(b"x" * 1000)
-    settings = Settings(ConfigurationFiles(folder), Host(rig, ("mouse", ()), "default"))
+    settings = EditableSettings(ConfigurationFiles(folder), Host(rig, ("mouse", ()), "default"))
     app, headers = build_app(Bench(str(tmp_path / "a.sqlite")), settings), {ROLE: "instructor"}
     with served(app) as [address], httpx.Client(base_url=address, timeout=PATIENCE_S, headers=headers) as client:
         yield client

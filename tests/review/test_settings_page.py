@@ -16,8 +16,8 @@ from tests import chromium
 from tests.chromium import Chromium
 from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import served
-from trocar.review.journal import Journal
-from trocar.review.school.settings_routes import Settings
+from trocar.review.journal import ActJournal
+from trocar.review.school.settings_routes import EditableSettings
 from trocar.review.settings.files import ConfigurationFiles
 from trocar.review.settings.host import Host
 from trocar.review.settings.page import build_app
@@ -42,7 +42,7 @@ def folder(tmp_path: Path) -> Path:
 def address(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     monkeypatch.setenv("TROCAR_CONFIG_DIR", str(folder))
     host = Host(None, ("mouse", ()), "default", is_running=False)
-    app = build_app(Settings(ConfigurationFiles(folder), host), Journal(tmp_path / "acts"), TOKEN)
+    app = build_app(EditableSettings(ConfigurationFiles(folder), host), ActJournal(tmp_path / "acts"), TOKEN)
     with served(app) as [address]:
         yield address
 
@@ -65,7 +65,12 @@ def test_what_needs_the_rig_file_names_it(address: str) -> None:
 def test_a_page_that_is_not_built_is_told(tmp_path: Path) -> None:
     host = Host(None, ("mouse", ()), "default", is_running=False)
     with pytest.raises(ConfigError, match="is not built"):
-        build_app(Settings(ConfigurationFiles(tmp_path), host), Journal(tmp_path / "acts"), TOKEN, tmp_path / "none")
+        build_app(
+            EditableSettings(ConfigurationFiles(tmp_path), host),
+            ActJournal(tmp_path / "acts"),
+            TOKEN,
+            tmp_path / "none",
+        )
 
 
 def test_a_port_that_is_taken_is_told_in_a_sentence() -> None:

@@ -163,7 +163,7 @@ def _gateway(tick: int, at: Mapping[str, float], positions: Any, ports: Any, jaw
 
 
 def _contacts(tick: int, at: Mapping[str, float], positions: Any, ports: Any, jaws: Any) -> bodies.ToolContacts:
-    hold = bodies.GraspHold(
+    hold = bodies.HeldPoint(
         hold_id=7, tool=0, target_kind=1, target=HELD, target_weights=(1.0, 0.0, 0.0), limit_n=2.0, jaw_angle_rad=0.2
     )
     return bodies.ToolContacts(

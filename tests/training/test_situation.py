@@ -17,7 +17,7 @@ from tests.training.streams import CLIPPED_SITE, GOOD, SCENARIO, SITE, Channel, 
 from tests.training.test_errors import judged, pulse
 from trocar.protocol import TOPICS
 from trocar.protocol.arrays import pack
-from trocar.protocol.bodies import GatewayState, GraspHold, PhysicsState
+from trocar.protocol.bodies import GatewayState, HeldPoint, PhysicsState
 from trocar.protocol.bodies.physics import REACTION_GRASP_TORQUE
 from trocar.review.attempts.trace import Trace
 from trocar.services.training.judge import Judge
@@ -191,9 +191,9 @@ def test_a_strange_peer_changes_nothing() -> None:
     assert set(judge.errors) == {"E13"}  # what was held is not any more
 
 
-def hold(**said: int) -> GraspHold:
+def hold(**said: int) -> HeldPoint:
     weights = (1.0, 0.0, 0.0)
-    return GraspHold(hold_id=1, target_kind=1, target_weights=weights, limit_n=1.0, jaw_angle_rad=0.1, **said)
+    return HeldPoint(hold_id=1, target_kind=1, target_weights=weights, limit_n=1.0, jaw_angle_rad=0.1, **said)
 
 
 @settings(max_examples=examples(15, 200), deadline=None, suppress_health_check=list(HealthCheck))

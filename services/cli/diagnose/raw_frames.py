@@ -9,7 +9,7 @@ from typing import Any
 import msgpack
 import msgspec
 
-from trocar.protocol.fields import Field, Form, fields
+from trocar.protocol.fields import Field, FieldForm, fields
 from trocar.protocol.frame import Header
 from trocar.protocol.topics import TOPICS
 from trocar.protocol.upgrades import body_type
@@ -45,11 +45,11 @@ def _named(value: Any, body: type[msgspec.Struct]) -> Any:
 
 
 def _item(field: Field, value: Any) -> Any:
-    if field.form is Form.ARRAY:
+    if field.form is FieldForm.ARRAY:
         return _array(value) if _is_array(value) else value
     if field.body is None or not isinstance(value, list):
         return value
-    if field.form in (Form.MANY, Form.FIXED):
+    if field.form in (FieldForm.MANY, FieldForm.FIXED):
         return [_named(item, field.body) for item in value]
     return _named(value, field.body)
 

@@ -18,7 +18,7 @@ from trocar.services.gateway.hdapi import cells, exchange, host_checks, session
 from trocar.services.gateway.hdapi.constants import Calibration, Style, describe
 from trocar.services.gateway.hdapi.error_stack import unreachable
 from trocar.services.gateway.hdapi.library import DEFAULT
-from trocar.services.gateway.hdapi.open_arm import OpenArm, Terms
+from trocar.services.gateway.hdapi.open_arm import ArmTerms, OpenArm
 from trocar.services.gateway.hdapi.reopening import Reopening
 from trocar.services.gateway.servo.engagement import SMALL_FORCE_N
 from trocar.services.gateway.servo.servo_arrays import (
@@ -69,7 +69,7 @@ class Driver(Arm):
         self._shown = "the arm" if own.name is None else f"the arm {own.name!r}"
         self._where = f"instrument {place.instrument!r}"
         self._clock = place.clock
-        self._terms = Terms(
+        self._terms = ArmTerms(
             file.max_force_n,
             place.force_rate_n_s,
             file.velocity_filter_hz,

@@ -20,7 +20,7 @@ from trocar.services.runtime.config.rig import Mount, Vector3
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class ArmTerms:
     """Limits and placement of an arm.
 
     Attributes:
@@ -56,7 +56,7 @@ class OpenArm:
     has_roll: bool
 
 
-def open_arm(library: HdapiLibrary, name: str | None, terms: Terms, where: str) -> OpenArm:
+def open_arm(library: HdapiLibrary, name: str | None, terms: ArmTerms, where: str) -> OpenArm:
     """Open the device named `name` in the vendor's set-up, motors off. The scheduler must be stopped.
 
     Raises DeviceError: one sentence, if it is missing.
@@ -79,7 +79,7 @@ def open_arm(library: HdapiLibrary, name: str | None, terms: Terms, where: str) 
     return OpenArm(cell, port, model, style, nominal[0] if nominal else math.inf, has_roll)
 
 
-def _cell(terms: Terms, **of_the_device: int) -> ArmCell:
+def _cell(terms: ArmTerms, **of_the_device: int) -> ArmCell:
     numbers, integers = np.zeros(cells.NUMBERS), np.zeros(8, np.int32)
     return ArmCell.zeros(
         orders=Box.zeros(n=cells.ORDER_SIZE),

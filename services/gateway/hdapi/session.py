@@ -21,7 +21,7 @@ from trocar.services.gateway.hdapi.cells import ArmCell, Functions, ServoCell
 from trocar.services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
 from trocar.services.gateway.hdapi.error_stack import unreachable
 from trocar.services.gateway.hdapi.library import HdapiLibrary
-from trocar.services.gateway.hdapi.open_arm import OpenArm, Terms, find_functions, open_arm
+from trocar.services.gateway.hdapi.open_arm import ArmTerms, OpenArm, find_functions, open_arm
 from trocar.services.gateway.hdapi.reopening import Reopening
 from trocar.services.gateway.hdapi.servo_callback import callback, claim_cell
 from trocar.services.runtime.errors import DeviceError
@@ -45,7 +45,7 @@ class Session:
         self._is_raised = False
         self._reopening: Reopening | None = None
 
-    def join(self, name: str | None, terms: Terms, where: str) -> OpenArm:
+    def join(self, name: str | None, terms: ArmTerms, where: str) -> OpenArm:
         """Open the arm named `name` in the vendor's set-up, motors off, and serve it from now on.
 
         Raises DeviceError: one sentence, if it is missing or used by another instrument.
@@ -84,7 +84,7 @@ class Session:
         """Whether no arm is served now because one is being reopened."""
         return self._reopening is not None and self._reopening.is_pause
 
-    def reopen(self, name: str | None, terms: Terms, where: str, armed: int) -> Reopening | None:
+    def reopen(self, name: str | None, terms: ArmTerms, where: str, armed: int) -> Reopening | None:
         """Start reopening an unreachable arm, or restarting a scheduler that has ended.
 
         All other arms are released meanwhile, and return as described in `applied_force`.
@@ -103,7 +103,7 @@ class Session:
         )
         return self._reopening
 
-    def _reopen(self, name: str | None, terms: Terms, where: str, armed: int) -> OpenArm:
+    def _reopen(self, name: str | None, terms: ArmTerms, where: str, armed: int) -> OpenArm:
         self._stop()
         arm = self._arms.get(name)
         try:
