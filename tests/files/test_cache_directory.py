@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.other_user import needs_other_user
+
 ROOT = Path(__file__).parents[2]
 _SAY = "from trocar.services.files.cache_directory import *; print(p := cache_directory()); make_folders(p)"
 
@@ -39,14 +41,13 @@ def test_the_cache_is_where_the_first_variable_says(tmp_path: Path, variables: d
     assert (ran.stdout, ran.stderr) == (f"{tmp_path / place}\n", "")
 
 
+@needs_other_user
 @pytest.mark.parametrize("variable", ["HOME", "XDG_CACHE_HOME", "TROCAR_CACHE_DIR", ""])
 @pytest.mark.parametrize("how", ["cannot be made", "below a file", "is closed"])
 def test_where_nothing_can_be_kept_a_fresh_folder_is_used_and_a_line_says_why(
     tmp_path: Path, variable: str, how: str
 ) -> None:
     """A user of a container or a service has no home; an import, and so every verb, ended with a traceback."""
-    if os.geteuid() != 0:
-        pytest.skip("another user is asked, which takes root")
     tmp_path.chmod(0o755)
     closed = tmp_path / "closed"
     for folder in (closed, closed / ".cache", closed / ".cache" / "trocar", closed / "trocar"):

@@ -5,7 +5,7 @@ is `MARGIN` times the most by which runs differ that differ by rounding alone, a
 
 - every state moved by a rounding error before every tick, as other processors and libraries round sums otherwise;
 - a start that is elsewhere by 1e-12 of its place;
-- modes of the wall that OpenBLAS has computed by its kernels for a processor without vector units of today.
+- modes of the wall that OpenBLAS has computed by its kernels for other processors, as other versions of it round.
 
 So it allows any change of the order of sums. What a line must catch is a change of behaviour: the tests break the
 mechanics a little (a wall softer by 1 %, more friction by 5 %, less damping) and want it to be noticed.
