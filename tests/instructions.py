@@ -19,6 +19,7 @@ class Count:
 @contextmanager
 def counted():
     count, before = Count(), sys.gettrace()
+    sys._getframe().f_trace_opcodes = True  # Python 3.12 counts instructions only if a frame asks before it traces
     sys.settrace(count)
     try:
         yield count

@@ -73,7 +73,7 @@ def at_rest(model, law, load):
             left = part * whole - K @ u - B.T @ (energy_j[:, None] * stress).ravel()
             if np.linalg.norm(left) < 1e-7 * np.linalg.norm(whole):
                 break
-            stiff = sp.block_diag(list(energy_j[:, None, None] * tangent), format="csr")
+            stiff = sp.block_diag([sp.coo_array(each) for each in energy_j[:, None, None] * tangent], format="csr")
             u = u + factorise((K + B.T @ stiff @ B).tocsc()).solve(left)
         else:
             raise AssertionError("no equilibrium")
