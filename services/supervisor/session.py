@@ -13,6 +13,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import trocar.protocol.bodies as bodies
 from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.place import fault_of_folder
@@ -29,7 +30,7 @@ from trocar.services.runtime.web.web_certificate import Certificate, load_for
 from trocar.services.runtime.web.web_host import listen
 from trocar.services.start import first_start
 from trocar.services.supervisor import frozen_configuration
-from trocar.services.supervisor.control.supervisor import Event, Setup, Supervisor
+from trocar.services.supervisor.control.supervisor import Setup, Supervisor
 from trocar.services.supervisor.crew.crew import Launch
 from trocar.services.supervisor.crew.fork_link import ForkServer
 from trocar.services.supervisor.crew.loop_progress import LoopProgress
@@ -86,7 +87,7 @@ class SessionOptions:
 
     options: Options
     table: tuple[ProcessSpec, ...] = TABLE
-    on_event: Callable[[Event], None] | None = None
+    on_event: Callable[[bodies.Event], None] | None = None
     on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
     remarks: tuple[str, ...] = ()
     fork_server: ForkServer | None = None

@@ -4,21 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import msgspec
-
 import trocar.protocol.bodies as bodies
-
-
-class ReplayStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """State of a replay: seconds since the first frame; `attempt` is the attempt's report of that time."""
-
-    file: str
-    place_s: float
-    length_s: float
-    rate: float
-    halted: bool
-    loop: bool
-    attempt: bodies.Attempt | None = None
 
 
 class ShownRecording(Protocol):
@@ -27,5 +13,5 @@ class ShownRecording(Protocol):
     def obey(self, line: str) -> None:
         """Execute a command typed or sent by the page."""
 
-    def status(self) -> ReplayStatus:
+    def status(self) -> bodies.ReplayReport:
         """Return the state of the replay."""

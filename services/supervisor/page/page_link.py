@@ -7,18 +7,12 @@ from typing import TypeVar
 
 import msgspec
 
-import trocar.protocol.bodies as bodies
 from trocar.services.runtime.bus.claim import Claim
-from trocar.services.supervisor.control.shown_recording import ReplayStatus
-from trocar.services.supervisor.control.supervisor import Event, Supervisor
-from trocar.services.supervisor.judge.state_machine import RigState
 
-#: More than the largest status, two hundred events of a few hundred characters.
+#: More than the largest message, a rig file as JSON.
 _MESSAGE_MAX = 1 << 18
 #: The page's first message waits for it when it starts, so that only a supervisor that has ended sends none.
 _WAIT_S = 10.0
-#: Period of what the page shows: numbers that change more than five times a second cannot be read.
-STATUS_S = 0.2
 
 
 class PageSetup(msgspec.Struct, frozen=True):
@@ -36,39 +30,6 @@ class PageSetup(msgspec.Struct, frozen=True):
     fingerprint: str = ""
     scene_overrides: tuple[str, ...] = ()
     asked: tuple[str, tuple[str, ...]] = ("", ())
-
-
-class RigStatus(msgspec.Struct, frozen=True):
-    """The supervisor's judgement of the rig. Times are seconds of the monotonic clock; `broken` are keys of breaches.
-
-    `starts` holds what each starting process does and how far it is, 0 to 1; `start_notice` is empty once it runs.
-    `path_limits_us` are the present limits of the paths, at least those of the rig file. `replay` is the shown
-    recording, None in a working rig.
-    """
-
-    said_s: float
-    started_s: float
-    state: bodies.SupervisorState
-    broken: tuple[str, ...]
-    path_limits_us: dict[str, float]
-    events: tuple[Event, ...]
-    replay: ReplayStatus | None = None
-    incarnation: int = 0
-    start_notice: str = ""
-    starts: dict[str, tuple[str, float]] = {}
-
-    @classmethod
-    def of(cls, supervisor: Supervisor, now_s: float) -> RigStatus:
-        """Return the status now."""
-        broken = tuple(breach.key for breach in supervisor.breaches)
-        events = tuple(supervisor.events)
-        limits_us = supervisor.path_limits_us()
-        replay = supervisor.shown.status() if supervisor.shown is not None else None
-        body, started_s = supervisor.body(), supervisor.started_s
-        members = supervisor.crew.members.items()
-        starts = {name: each.progress for name, each in members if each.progress is not None and not each.came_up}
-        starting = supervisor.start_notice if supervisor.state is RigState.STARTING else ""
-        return cls(now_s, started_s, body, broken, limits_us, events, replay, supervisor.incarnation, starting, starts)
 
 
 class Heartbeat(msgspec.Struct, frozen=True):

@@ -1,7 +1,7 @@
 """The page's process: ``python -m trocar.services.supervisor.page.page_server LINK SOCKET``, started by the supervisor.
 
-It receives the processes' reports on the bus, and the supervisor's judgement over the link. It ends with the link, that
-is with the supervisor.
+It reads the processes' reports and the supervisor's judgement from the bus, as any observer. It ends with the link,
+that is with the supervisor.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from typing import get_args
 import msgspec
 
 import trocar.protocol.bodies as bodies
+from trocar.protocol import PROCESSES, topic
+from trocar.protocol.topics import JUDGEMENT_S
 from trocar.services.diagnosis.thread_usage import ThreadUsage
 from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.config.rig import Rig
-from trocar.services.runtime.process.process import listen_as
+from trocar.services.runtime.process.process import observe
 from trocar.services.runtime.realtime.autogroup import set_group_niceness
 from trocar.services.runtime.web.web_certificate import load_for
 from trocar.services.runtime.web.web_server import make_server, serve_until
@@ -33,13 +35,16 @@ from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control
 from trocar.services.supervisor.page import dashboard
 from trocar.services.supervisor.page.metrics import Level, RigSource, registry
-from trocar.services.supervisor.page.page_link import STATUS_S, Heartbeat, Link, PageSetup, RigStatus
+from trocar.services.supervisor.page.page_link import Heartbeat, Link, PageSetup
 from trocar.services.supervisor.page.task_metrics import Task
 from trocar.services.supervisor.page.web import PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
+STATE, JUDGEMENT, ATTEMPT = "supervisor.state", "supervisor.judgement", "training.attempt"
+#: All that the page reads.
+TOPICS = (STATE, JUDGEMENT, ATTEMPT, *(f"{name}.health" for name in PROCESSES))
 #: Silence of the supervisor after which the page is marked as outdated.
-SILENT_S = 2.0
+SILENT_S = topic(JUDGEMENT).stale_after_s
 #: It needs a twentieth of a core and answers a person, so it precedes computing processes of the ordinary class.
 _NICE = -10
 #: Name of the supervisor, whose turns are measured like those of other processes.
@@ -49,50 +54,72 @@ _encoder = msgspec.json.Encoder()
 
 @dataclass
 class PageData:
-    """The page's data on the rig."""
+    """The page's data on the rig, all from the bus: what its processes and its supervisor publish.
+
+    `state` and `judgement` are the supervisor's newest, None before the first; `heard_s` is when the judgement came.
+    """
 
     rig: Rig
     threads: ThreadUsage = field(default_factory=ThreadUsage)
-    status: RigStatus | None = None
+    state: bodies.SupervisorState | None = None
+    judgement: bodies.Judgement | None = None
+    heard_s: float = 0.0
     task: Task = field(default_factory=Task)
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
 
-    def hear_reports(self, bus: Bus) -> None:
-        """Receive the newest report of every process."""
-        if self.status is None:
-            return
-        if self.status.replay is not None and self.status.replay.attempt is not None:
-            self.task.attempt = self.status.replay.attempt
-        elif self.rig.process("training").enabled and (frame := bus.latest("training.attempt")) is not None:
-            self.task.see_attempt(frame.body)
-        for name in (*(process.name for process in self.status.state.processes), OURS):
-            heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
-            frame = bus.latest(f"{name}.health")
-            if frame is not None:
-                heard.take_report(frame.body)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the processes that the rig runs, with the supervisor."""
+        return tuple(name for name in PROCESSES if self.rig.process(name).enabled)
 
-    def sample_threads(self, status: RigStatus) -> None:
+    def hear_rig(self, bus: Bus) -> None:
+        """Receive the newest of every topic."""
+        for frame in bus.drain(STATE):
+            self.state = frame.body
+        if (told := bus.latest(JUDGEMENT)) is not None:
+            self.judgement, self.heard_s = told.body, time.monotonic()
+        replay = self.judgement.replay if self.judgement is not None else None
+        if replay is not None and replay.attempt is not None:
+            self.task.attempt = replay.attempt
+        elif "training" in self.names and (attempt := bus.latest(ATTEMPT)) is not None:
+            self.task.see_attempt(attempt.body)
+        for name in self.names:
+            heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
+            if (report := bus.latest(f"{name}.health")) is not None:
+                heard.take_report(report.body)
+
+    def sample_threads(self) -> None:
         """Look at the threads of the rig's processes, if that is due."""
-        pids = {process.name: process.pid for process in status.state.processes}
-        self.threads.sample(time.monotonic(), pids | {OURS: os.getppid()})
+        reports = self.state.processes if self.state is not None else ()
+        self.threads.sample(time.monotonic(), {each.name: each.pid for each in reports} | {OURS: os.getppid()})
 
     def healthy(self) -> tuple[bool, str]:
         """Return whether the rig works, with a description."""
-        if self.status is None:
+        if self.state is None or self.judgement is None:
             return False, "the supervisor has said nothing yet"
-        silent_s, state = time.monotonic() - self.status.said_s, self.status.state
-        if silent_s > SILENT_S:
+        if (silent_s := time.monotonic() - self.heard_s) > SILENT_S:
             return False, f"the supervisor has said nothing for {silent_s:.1f} s"
-        reason = f": {state.reason}" if state.reason else ""
-        return state.state in _HEALTHY, f"{state.state}{reason}"
+        reason = f": {self.state.reason}" if self.state.reason else ""
+        return self.state.state in _HEALTHY, f"{self.state.state}{reason}"
+
+    def replays(self) -> bool:
+        """Return whether a recording is shown."""
+        return self.judgement is not None and self.judgement.replay is not None
 
     def source(self) -> RigSource:
         """Return the data exported to Prometheus."""
-        if self.status is None:
+        if self.state is None or self.judgement is None:
             return RigSource(bodies.SupervisorState(state=RigState.OFF))
-        is_judged = time.monotonic() - self.status.said_s < SILENT_S
+        is_judged = time.monotonic() - self.heard_s < SILENT_S
         contracts = self.rig.contracts
-        return RigSource(self.status.state, self.reports(), self.threads.report(), is_judged, contracts, self.task)
+        return RigSource(self.state, self.reports(), self.threads.report(), is_judged, contracts, self.task)
+
+    def snapshot(self, scene: str) -> dashboard.DashboardSnapshot | None:
+        """Return what the page shows, None before the supervisor has said anything."""
+        if self.state is None or self.judgement is None:
+            return None
+        attempt, threads = self.task.attempt, self.threads.report()
+        return dashboard.snapshot(self.state, self.judgement, self.heard, self.rig, scene, threads, attempt)
 
     def reports(self) -> dict[str, bodies.Health]:
         """Return the newest report of every process."""
@@ -127,14 +154,14 @@ def _run(page_data: PageData, setup: PageSetup, link: Link, sock: socket.socket)
         scene=setup.scene,
         registries={level: registry(page_data.source, level) for level in get_args(Level)},
         ask=lambda command: control.ask_rig(page_data.rig.transport, command),
-        replays=lambda: page_data.status is not None and page_data.status.replay is not None,
+        replays=page_data.replays,
         switches=setup.switches,
         healthy=page_data.healthy,
         view_port=page_data.view_port,
         token=setup.token,
         class_token=_class_token(page_data.rig),
     )
-    with closing(listen_as(OURS, page_data.rig)) as bus:
+    with closing(observe(page_data.rig, TOPICS)) as bus:
         asyncio.run(_serve(context, page_data, bus, link, sock))
 
 
@@ -148,31 +175,21 @@ def _class_token(rig: Rig) -> str:
 
 async def _serve(context: PageContext, page_data: PageData, bus: Bus, link: Link, sock: socket.socket) -> None:
     server = make_server(build_app(context), load_for(context.rig), log_level="error")
-    await serve_until(server, sock, lambda: not _follow(context, page_data, bus, link), STATUS_S)
+    await serve_until(server, sock, lambda: not _follow(context, page_data, bus, link), JUDGEMENT_S)
 
 
 def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Link) -> bool:
     """Update the page's data; return False once the supervisor has ended."""
     try:
-        page_data.status = link.newest(RigStatus) or page_data.status
+        link.newest(PageSetup)
     except ConnectionError:
         context.closing = True
         return False
-    page_data.hear_reports(bus)
-    status = page_data.status
-    if status is not None:
-        page_data.sample_threads(status)
-        link.send(Heartbeat())
-        context.latest = _encoder.encode(
-            dashboard.snapshot(
-                status,
-                page_data.heard,
-                page_data.rig,
-                context.scene,
-                page_data.threads.report(),
-                page_data.task.attempt,
-            )
-        )
+    link.send(Heartbeat())
+    page_data.hear_rig(bus)
+    page_data.sample_threads()
+    if (shown := page_data.snapshot(context.scene)) is not None:
+        context.latest = _encoder.encode(shown)
     return True
 
 
