@@ -1,7 +1,7 @@
-"""The page's process: ``python -m trocar.services.supervisor.page.page_server LINK SOCKET``, started by the supervisor.
+"""The page's process: ``python -m trocar.services.supervisor.page.page_server FILE LIFELINE SOCKET``.
 
-It reads the processes' reports and the supervisor's judgement from the bus, as any observer. It ends with the link,
-that is with the supervisor.
+It reads the processes' reports and the supervisor's judgement from the bus, as any observer. The supervisor starts it,
+and it ends with the supervisor.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import sys
 import time
 from contextlib import closing
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import get_args
 
 import msgspec
@@ -34,8 +35,9 @@ from trocar.services.runtime.web.web_server import make_server, serve_until
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control
 from trocar.services.supervisor.page import dashboard
+from trocar.services.supervisor.page.lifeline import Lifeline
 from trocar.services.supervisor.page.metrics import Level, RigSource, registry
-from trocar.services.supervisor.page.page_link import Heartbeat, Link, PageSetup
+from trocar.services.supervisor.page.page_place import PageFile, read_page_file
 from trocar.services.supervisor.page.task_metrics import Task
 from trocar.services.supervisor.page.web import PageContext, build_app
 
@@ -132,37 +134,30 @@ class PageData:
         return int(said) if said else self.rig.visualization.port
 
 
-def main(link_descriptor: int, socket_descriptor: int) -> int:
-    """Serve until the supervisor ends; return the exit code."""
+def main(place: Path, lifeline: Lifeline, sock: socket.socket) -> None:
+    """Serve until the supervisor ends."""
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
         set_group_niceness(_NICE)
-    link = Link(socket.socket(fileno=link_descriptor))
-    sock = socket.socket(fileno=socket_descriptor)
-    setup = link.wait(PageSetup)
-    if setup is None:
-        return 1
-    rig = Rig.model_validate_json(setup.rig)
-    _run(PageData(rig), setup, link, sock)
-    return 0
+    content = read_page_file(place)
+    page_data = PageData(Rig.model_validate_json(content.rig))
+    with closing(observe(page_data.rig, TOPICS)) as bus:
+        asyncio.run(_serve(_context(page_data, content), page_data, bus, lifeline, sock))
 
 
-def _run(page_data: PageData, setup: PageSetup, link: Link, sock: socket.socket) -> None:
-    """Serve until the supervisor ends."""
-    context = PageContext(
+def _context(page_data: PageData, content: PageFile) -> PageContext:
+    return PageContext(
         rig=page_data.rig,
-        scene=setup.scene,
+        scene=content.scene,
         registries={level: registry(page_data.source, level) for level in get_args(Level)},
         ask=lambda command: control.ask_rig(page_data.rig.transport, command),
         replays=page_data.replays,
-        switches=setup.switches,
+        switches=content.switches,
         healthy=page_data.healthy,
         view_port=page_data.view_port,
-        token=setup.token,
+        token=content.token,
         class_token=_class_token(page_data.rig),
     )
-    with closing(observe(page_data.rig, TOPICS)) as bus:
-        asyncio.run(_serve(context, page_data, bus, link, sock))
 
 
 def _class_token(rig: Rig) -> str:
@@ -173,19 +168,16 @@ def _class_token(rig: Rig) -> str:
     return ""
 
 
-async def _serve(context: PageContext, page_data: PageData, bus: Bus, link: Link, sock: socket.socket) -> None:
+async def _serve(context: PageContext, page_data: PageData, bus: Bus, lifeline: Lifeline, sock: socket.socket) -> None:
     server = make_server(build_app(context), load_for(context.rig), log_level="error")
-    await serve_until(server, sock, lambda: not _follow(context, page_data, bus, link), JUDGEMENT_S)
+    await serve_until(server, sock, lambda: not _follow(context, page_data, bus, lifeline), JUDGEMENT_S)
 
 
-def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Link) -> bool:
+def _follow(context: PageContext, page_data: PageData, bus: Bus, lifeline: Lifeline) -> bool:
     """Update the page's data; return False once the supervisor has ended."""
-    try:
-        link.newest(PageSetup)
-    except ConnectionError:
+    if not lifeline.beat():
         context.closing = True
         return False
-    link.send(Heartbeat())
     page_data.hear_rig(bus)
     page_data.sample_threads()
     if (shown := page_data.snapshot(context.scene)) is not None:
@@ -194,4 +186,4 @@ def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Link) -> 
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]), int(sys.argv[2])))
+    main(Path(sys.argv[1]), Lifeline.of(int(sys.argv[2])), socket.socket(fileno=int(sys.argv[3])))
