@@ -23,7 +23,7 @@ from trocar.review.settings.host import Host
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.runtime.web.web_server import make_server, serve_until
-from trocar.services.supervisor.page.lifeline import Lifeline
+from trocar.services.supervisor.page.helper import Lifeline
 from trocar.services.supervisor.page.page_place import PageFile, read_page_file
 from trocar.services.supervisor.page.school import socket_path
 from trocar.services.training.site import Site, find_site

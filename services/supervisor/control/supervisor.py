@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import msgspec
 
@@ -18,7 +19,6 @@ from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.loop.loop import LoopMeter
 from trocar.services.runtime.private_directory import open_text
 from trocar.services.supervisor.control.commands import Commands
-from trocar.services.supervisor.control.shown_recording import ShownRecording
 from trocar.services.supervisor.crew import hang_detection
 from trocar.services.supervisor.crew.crew import Crew, Launch
 from trocar.services.supervisor.crew.member import build_members
@@ -44,6 +44,16 @@ class Setup:
     launch: Launch | None
     levels: tuple[Level, ...] = (Level(),)
     safe_stop_file: Path | None = None
+
+
+class ShownRecording(Protocol):
+    """A recording whose pictures are shown, and that people control."""
+
+    def obey(self, line: str) -> None:
+        """Execute a command typed or sent by the page."""
+
+    def status(self) -> bodies.ReplayReport:
+        """Return the state of the replay."""
 
 
 class Supervisor:

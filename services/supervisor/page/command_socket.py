@@ -62,18 +62,11 @@ class Link:
             return False
         return True
 
-    def receive(self, kind: type[_T]) -> _T | None:
-        """Return the next message, None without one. Raises ConnectionError if the other end is gone."""
-        try:
-            data = self._end.recv(_MESSAGE_MAX, socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            return None
-        if not data:
-            raise ConnectionResetError("the other end is gone")
-        return msgspec.json.decode(data, type=kind)
-
     def receive_claimed(self, kind: type[_T]) -> tuple[_T, Claim | None] | None:
-        """Return the next message with the claim that came with it; else as `receive`."""
+        """Return the next message with the claim that came with it, None without one.
+
+        Raises ConnectionError if the other end is gone.
+        """
         try:
             data, claim, _ = Claim.receive(self._end, _MESSAGE_MAX)
         except BlockingIOError:
@@ -92,15 +85,15 @@ class Link:
         claim.send_with(self._end, msgspec.json.encode(message))
 
     def wait(self, kind: type[_T], timeout_s: float) -> _T | None:
-        """Return the next message, None without one within `timeout_s`; raises as `receive` does."""
+        """Return the next message, None without one within `timeout_s`; raises as `receive_claimed` does."""
         self._end.settimeout(timeout_s)
         try:
-            self._end.recv(1, socket.MSG_PEEK)
+            data = self._end.recv(_MESSAGE_MAX)
         except TimeoutError:
             return None
-        finally:
-            self._end.settimeout(None)
-        return self.receive(kind)
+        if not data:
+            raise ConnectionResetError("the other end is gone")
+        return msgspec.json.decode(data, type=kind)
 
     def close(self) -> None:
         """Close this end."""

@@ -139,6 +139,7 @@ class Heard:
     health: bodies.Health | None
     window: Window
     window_s: float
+    heard_s: float = 0.0
     _maxima: deque[tuple[float, dict[str, float]]] = field(default_factory=deque)
 
     @classmethod

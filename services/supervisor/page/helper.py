@@ -1,7 +1,11 @@
-"""A process of its own beside the rig: started, ended, started again if it is lost."""
+"""A process of its own beside the rig: started, ended, started again if it is lost.
+
+Between it and the supervisor is a line by which either notices when the other has ended.
+"""
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,10 +14,54 @@ from trocar.services.supervisor.crew.launcher import Child
 from trocar.services.supervisor.crew.processes import ProcessSpec
 from trocar.services.supervisor.crew.restart_policy import MINUTE_S, helper_restarts
 from trocar.services.supervisor.crew.silence import Silence
-from trocar.services.supervisor.page.lifeline import Lifeline
 
 #: Silence that is a hang, of one that runs and of one that starts, not counting waits for a processor.
 SILENT_S, _SILENT_AT_FIRST_S = 5.0, 60.0
+#: Signs of life taken at once, as many as come in twelve seconds; the rest is for later turns.
+_SIGNS = 64
+
+
+class Lifeline:
+    """One end of the line. Nothing goes over it but signs of life, and it never waits."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+
+    @classmethod
+    def pair(cls) -> tuple[Lifeline, Lifeline]:
+        """Return both ends."""
+        one, other = socket.socketpair()
+        return cls(one), cls(other)
+
+    @classmethod
+    def of(cls, descriptor: int) -> Lifeline:
+        """Return the end that a helper was given."""
+        return cls(socket.socket(fileno=descriptor))
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        return self._end.fileno()
+
+    def beat(self) -> bool:
+        """Give a sign of life, which one that does not listen loses; return whether the other end is there."""
+        try:
+            self._end.send(b"\0", socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+        except ConnectionError:
+            return False
+        except OSError:  # it does not listen now
+            return True
+        return True
+
+    def heard(self) -> bool:
+        """Return whether the other end has given a sign of life since the last call."""
+        try:
+            return bool(self._end.recv(_SIGNS, socket.MSG_DONTWAIT))
+        except OSError:  # nothing, or it has ended with what was sent to it unread
+            return False
+
+    def close(self) -> None:
+        """Close this end."""
+        self._end.close()
 
 
 class Helper:

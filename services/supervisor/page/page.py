@@ -18,29 +18,20 @@ from trocar.services.supervisor.page.page_place import PageFile, page_file, writ
 _PAGE = ProcessSpec("page", "trocar.services.supervisor.page.page_server")
 
 
-class Page:
+class Page(Helper):
     """The page's process."""
 
     def __init__(self, sock: socket.socket, supervisor: Supervisor, content: PageFile, log_directory: Path) -> None:
-        self._socket = sock
-        self._file = page_file(supervisor.rig.transport)
+        self._socket, self._file = sock, page_file(supervisor.rig.transport)
         log_file = log_directory / "page.log"
-        self._process = Helper(_PAGE, log_file, supervisor.say, self._file, (sock.fileno(),), beats=True)
+        super().__init__(_PAGE, log_file, supervisor.say, self._file, (sock.fileno(),), beats=True)
         write_page_file(self._file, content)
         supervisor.token_sha256 = hashlib.sha256(content.token.encode()).hexdigest()
         supervisor.page_address = f"{content.address}#token={content.token}"
-        self._process.start()
-
-    def end(self) -> None:
-        """Let the process end, without waiting for it."""
-        self._process.end()
+        self.start()
 
     def close(self) -> None:
         """End the process, and release the address."""
-        self._process.close()
+        super().close()
         self._socket.close()
         self._file.unlink(missing_ok=True)
-
-    def run_turn(self, now_s: float) -> None:
-        """Keep the process running."""
-        self._process.run_turn(now_s)

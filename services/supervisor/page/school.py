@@ -37,27 +37,19 @@ def socket_path(transport: Transport) -> Path:
     return run_directory(transport) / "school.sock"
 
 
-class School:
+class School(Helper):
     """Starts the school's process once the rig has started, and again if it ends."""
 
     def __init__(self, supervisor: Supervisor, log_directory: Path) -> None:
         self._supervisor = supervisor
         place = page_file(supervisor.rig.transport)
-        self._process = Helper(_SCHOOL, log_directory / "school.log", supervisor.say, place)
+        super().__init__(_SCHOOL, log_directory / "school.log", supervisor.say, place)
         self._is_there = supervisor.rig.replay is None and _is_installed()
-
-    def end(self) -> None:
-        """Let the process end, without waiting for it."""
-        self._process.end()
-
-    def close(self) -> None:
-        """End the process."""
-        self._process.close()
 
     def run_turn(self, now_s: float) -> None:
         """Keep the process running."""
         if self._is_there and self._supervisor.state is not RigState.STARTING:  # what starts with the rig delays it
-            self._process.run_turn(now_s)
+            super().run_turn(now_s)
 
 
 def _is_installed() -> bool:

@@ -8,9 +8,11 @@ from typing import Any
 from rich.console import Console
 
 from tests.memory_bus import MemoryBus, MemoryHub
+from tests.supervisor.made_up import health, loop_report
 from trocar import protocol
-from trocar.protocol.bodies import Health, ProcessReport, SupervisorState
+from trocar.protocol.bodies import Health, Judgement, ProcessReport, SupervisorState
 from trocar.services.cli.diagnose.top import Listener, render
+from trocar.services.supervisor.page.rig_listener import TOPICS
 
 LONG = {"p50": 99_999.0, "p99": 123_456.0, "p99_9": 234_567.0, "max": 345_678.0}
 
@@ -43,8 +45,8 @@ def _shown(listener: Listener) -> str:
 
 
 def test_what_is_known_is_shown_at_once_and_what_it_waits_for() -> None:
-    hub, reads = MemoryHub(), [*(f"{name}.health" for name in protocol.PROCESSES)]
-    bus = MemoryBus(hub, reads=reads, reads_every=["supervisor.state"])
+    hub = MemoryHub()
+    bus = MemoryBus(hub, reads=TOPICS)
     said = MemoryBus(hub, publishes=["gateway.health", "supervisor.state"])
     listener = Listener(bus, 2.0, {"gateway": 17, "physics": 18})
     assert listener.is_anybody(), "locks tell that somebody runs before he has said a word"
@@ -74,6 +76,19 @@ def test_what_is_known_is_shown_at_once_and_what_it_waits_for() -> None:
     }
 
 
+def test_a_broken_contract_is_told_and_who_calls_himself_otherwise_is_shown_by_his_topic() -> None:
+    hub = MemoryHub()
+    said = MemoryBus(hub, publishes=["physics.health", "supervisor.judgement"])
+    bus = MemoryBus(hub, reads=TOPICS)
+    listener = Listener(bus, 2.0, {})
+    said.publish("supervisor.judgement", Judgement(incarnation=1, t=2.0, broken=("physics ticks",)))
+    for ticks in (1000, 2000):
+        said.publish("physics.health", health("nobody", uptime_s=1e-3 * ticks, loop=loop_report(ticks)))
+        listener.hear(1.0)
+    (row,) = listener.result(1.0)["processes"]
+    assert (row["name"], row["loop"]["contract_ok"]) == ("physics", False)
+
+
 def test_nobody_is_nobody() -> None:
-    bus = MemoryBus(MemoryHub(), reads=[f"{name}.health" for name in protocol.PROCESSES])
+    bus = MemoryBus(MemoryHub(), reads=TOPICS)
     assert not Listener(bus, 2.0, {}).is_anybody()

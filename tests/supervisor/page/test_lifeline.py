@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from trocar.services.supervisor.page.lifeline import Lifeline
+from trocar.services.supervisor.page.helper import Lifeline
 
 Ends = tuple[Lifeline, Lifeline]
 

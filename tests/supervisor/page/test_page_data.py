@@ -12,7 +12,8 @@ from tests.supervisor.made_up import Bench, health, rig
 from trocar.protocol.bodies.supervisor import EVENTS_TOLD, LINE_CHARS
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import page_server
-from trocar.services.supervisor.page.page_server import JUDGEMENT, SILENT_S, STATE, TOPICS, PageData
+from trocar.services.supervisor.page.page_server import ATTEMPT, SILENT_S, PageData
+from trocar.services.supervisor.page.rig_listener import JUDGEMENT, STATE, TOPICS
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def page(bench: Bench) -> PageData:
 
 
 def listening(hub: MemoryHub) -> MemoryBus:
-    return MemoryBus(hub, reads=TOPICS)
+    return MemoryBus(hub, reads=[ATTEMPT, *TOPICS])
 
 
 def test_it_shows_the_rig_from_its_first_moments_on(bench: Bench, page: PageData) -> None:
@@ -76,7 +77,7 @@ def test_a_silent_supervisor_is_told(bench: Bench, page: PageData, monkeypatch: 
     page.hear_rig(bus)
     assert page.healthy()[0]
     assert page.source().is_judged
-    heard_s = page.heard_s
+    heard_s = page.listener.judged_s
     monkeypatch.setattr(page_server.time, "monotonic", lambda: heard_s + SILENT_S + 1.0)
     page.hear_rig(bus)
     assert page.healthy() == (False, f"the supervisor has said nothing for {SILENT_S + 1.0:.1f} s")
@@ -116,7 +117,6 @@ def test_a_peer_that_makes_things_up_ends_nothing(page: PageData) -> None:
     )  # fmt: skip
     stranger.publish("gateway.health", health("nobody"))
     page.hear_rig(bus)
-    page.sample_threads()
     assert page.snapshot("default") is not None
     msgspec.json.encode(page.snapshot("default"))
     assert page.healthy() == (False, "?")
