@@ -32,8 +32,8 @@ _QUANTILES = tuple(field.name for field in fields(Quantiles))
 _WIDTH = 80
 
 
-class Listener:
-    """Hears every process; `running` tells the ids of those that are known to run before they are heard."""
+class RigSummary:
+    """What is heard of a rig, as plain data; `running` are ids of processes that are known to run before they speak."""
 
     def __init__(self, bus: Bus, window_s: float, running: Mapping[str, int]) -> None:
         self._bus = bus
@@ -52,7 +52,8 @@ class Listener:
         """Return what was heard as plain data, NaN as None."""
         state, counted, unheard = self._rig.state, self._rig.figures(), self._unheard()
         waits = [] if state else ["the supervisor's judgement"]
-        waits += [f"{name} ({report.state})" for name, report in unheard.items() if report.state != "failed"]
+        doing = self._rig.starts
+        waits += [f"{n} ({doing.get(n, report.state)})" for n, report in unheard.items() if report.state != "failed"]
         processes = [self._heard_row(name, health, now_s) for name, health in self._rig.reports.items()]
         data = {
             "state": state.state if state else "unknown",
@@ -101,30 +102,30 @@ def run_top(rig: str, once: bool, as_json: bool, seconds: float, overrides: tupl
     transport = config.load_rig(rig, overrides).transport
     bus = ZmqBus(transport, reads=TOPICS)
     try:
-        listener = Listener(bus, seconds, lock_holders(transport))
-        if once or not listener.is_anybody():
-            _listen(listener, seconds if once else 0.5)
-        if not listener.is_anybody():
+        summary = RigSummary(bus, seconds, lock_holders(transport))
+        if once or not summary.is_anybody():
+            _listen(summary, seconds if once else 0.5)
+        if not summary.is_anybody():
             raise BusError("nothing was heard: is a rig running on this transport?")
         if once:
-            _print_once(listener, as_json=as_json)
+            _print_once(summary, as_json=as_json)
         else:
-            _follow(listener, as_json=as_json)
+            _follow(summary, as_json=as_json)
     except KeyboardInterrupt:
         return
     finally:
         bus.close()
 
 
-def _listen(listener: Listener, seconds: float) -> None:
+def _listen(summary: RigSummary, seconds: float) -> None:
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
-        listener.hear(time.monotonic())
+        summary.hear(time.monotonic())
         time.sleep(_TURN_S)
 
 
-def _print_once(listener: Listener, *, as_json: bool) -> None:
-    result = listener.result(time.monotonic())
+def _print_once(summary: RigSummary, *, as_json: bool) -> None:
+    result = summary.result(time.monotonic())
     if as_json:
         print(json.dumps(result, indent=1))
     else:
@@ -132,16 +133,16 @@ def _print_once(listener: Listener, *, as_json: bool) -> None:
         console.print(render(result), width=None if console.is_terminal else _WIDTH)
 
 
-def _follow(listener: Listener, *, as_json: bool) -> None:
+def _follow(summary: RigSummary, *, as_json: bool) -> None:
     if as_json:
         while True:
-            _listen(listener, 1.0)
-            print(json.dumps(listener.result(time.monotonic())), flush=True)
+            _listen(summary, 1.0)
+            print(json.dumps(summary.result(time.monotonic())), flush=True)
     with Live(auto_refresh=False) as live:
         while True:
-            result = listener.result(time.monotonic())
+            result = summary.result(time.monotonic())
             live.update(render(result), refresh=True)
-            _listen(listener, _TURN_S if result["waits_for"] else 0.5)  # who is awaited is shown when he is heard
+            _listen(summary, _TURN_S if result["waits_for"] else 0.5)  # who is awaited is shown when he is heard
 
 
 def render(result: dict[str, Any]) -> Group:

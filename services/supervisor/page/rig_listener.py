@@ -55,6 +55,12 @@ class RigListener:
         """Keys of contracts that are broken, as far as the supervisor has told."""
         return frozenset(self.judgement.broken if self.judgement is not None else ())
 
+    @property
+    def starts(self) -> dict[str, str]:
+        """What each process that has not come up does, and how much of that is done, as far as is told."""
+        told = self.judgement.starts if self.judgement is not None else ()
+        return {each.process: f"{each.stage}, {100.0 * each.fraction:.0f} %" for each in told}
+
     def figures(self) -> dict[str, Figures]:
         """Return the recent counts of every process."""
         return {name: one.figures for name, one in self.heard.items()}
