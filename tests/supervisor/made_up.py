@@ -154,7 +154,7 @@ class Bench:
             levels = tuple(Level(str(k)) for k in range(levels))
         setup = Setup(self.rig, TABLE, None, levels, self.memory)
         self.supervisor = Supervisor(setup, bus, self.now_s)
-        self.heard = {name: Heard.nothing(2.0) for name in self.peers}
+        self.heard = {name: Heard(2.0) for name in self.peers}
         self.supervisor.crew.on_report = lambda name, body: self.heard[name].take_report(body)
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False, turn_s: float = 0.02) -> float:

@@ -134,25 +134,23 @@ class DashboardSnapshot(msgspec.Struct, frozen=True):
 
 @dataclass
 class Heard:
-    """The newest report of one process, and its recent counts."""
+    """The newest report of one process, when it came, and its counts of the last `window_s`."""
 
-    health: bodies.Health | None
-    window: Window
     window_s: float
+    health: bodies.Health | None = None
     heard_s: float = 0.0
     _maxima: deque[tuple[float, dict[str, float]]] = field(default_factory=deque)
 
-    @classmethod
-    def nothing(cls, window_s: float) -> Heard:
-        """Return an empty object, with figures over the last `window_s`."""
-        return cls(None, Window(window_s), window_s)
+    def __post_init__(self) -> None:
+        self.window = Window(self.window_s)
 
     def take_report(self, health: bodies.Health) -> None:
         """Add a report."""
         self.health = health
         self.window.add(health.pid, figures_of(health, stages=True))
         self._maxima.append((health.uptime_s, {stage.name: stage.max_us for stage in health.stages}))
-        while abs(health.uptime_s - self._maxima[0][0]) > self.window_s:  # a restarted process counts from 0
+        # A restarted process counts from 0, and who makes up a report may say that its time is no number.
+        while len(self._maxima) > 1 and not abs(health.uptime_s - self._maxima[0][0]) <= self.window_s:
             self._maxima.popleft()
 
     def stage_rows(self) -> tuple[StageRow, ...]:
@@ -184,7 +182,7 @@ def snapshot(
     broken = set(told.broken)
     paths = {name: path for window in windows.values() for name, path in window.paths.items()}
     model = paths.get("device_model")
-    nothing = Heard.nothing(rig.supervisor.window_s)
+    nothing = Heard(rig.supervisor.window_s)
     starts = {each.process: (each.stage, each.fraction) for each in told.starts}
     usage = {name: row.lately for name, row in threads.items()}
     return DashboardSnapshot(

@@ -29,7 +29,7 @@ class RigListener:
     """
 
     def __init__(self, window_s: float, names: Iterable[str] = PROCESSES) -> None:
-        self.heard = {name: Heard.nothing(window_s) for name in names}
+        self.heard = {name: Heard(window_s) for name in names}
         self.state: bodies.SupervisorState | None = None
         self.judgement: bodies.Judgement | None = None
         self.judged_s = 0.0

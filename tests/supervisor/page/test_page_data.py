@@ -133,3 +133,16 @@ def test_what_the_supervisor_publishes_is_always_read(bench: Bench) -> None:
     frame = ears.latest(JUDGEMENT)
     assert frame is not None
     assert len(frame.body.events) == EVENTS_TOLD
+
+
+@pytest.mark.parametrize("uptime_s", [float("nan"), float("inf")])
+def test_reports_of_no_time_are_not_kept_for_ever(page: PageData, uptime_s: float) -> None:
+    """Neither here nor in the supervisor, which judges by the same windows."""
+    hub = MemoryHub()
+    bus, stranger = listening(hub), MemoryBus(hub, publishes=["gateway.health"])
+    for _ in range(50):
+        stranger.publish("gateway.health", health("gateway", uptime_s=uptime_s))
+        page.hear_rig(bus)
+    heard = page.listener.heard["gateway"]
+    assert heard.health is not None
+    assert (len(heard.window), len(heard._maxima)) == (0, 1)
