@@ -48,6 +48,8 @@ HEALTH_S = 0.1
 """Period of all that processes say of themselves: a report takes up to 0.4 ms, so a process spends 0.4 % on them."""
 HEARTBEAT_S = 5 * HEALTH_S
 """Silence from which on a process counts as gone: five reports, as single ones are late on a busy machine."""
+JUDGEMENT_S = 2 * HEALTH_S
+"""Period of what is told to people: numbers that change more than five times a second cannot be read."""
 ORDER_S = 2.0
 """Age from which on nobody carries out an order of the attempt, as the page (2.5 s) has given up soon after it."""
 MOMENT_TICKS = 40
@@ -138,6 +140,17 @@ _ROWS = (
         "every",
         HEARTBEAT_S,
         command=True,
+    ),
+    Topic(
+        "supervisor.judgement",
+        "supervisor",
+        (),  # for observers that are no process of the rig: the page, and whoever sniffs
+        (),
+        supervisor.Judgement,
+        1,
+        1.0 / JUDGEMENT_S,
+        "latest",
+        10 * JUDGEMENT_S,  # as the page is to tell of a supervisor that hangs, not of one that waits for a processor
     ),
     *(_journal(process) for process in ("haptics", "physics")),
 )

@@ -14,7 +14,16 @@ from trocar.protocol.bodies.health import (
 )
 from trocar.protocol.bodies.journal import Journal
 from trocar.protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
-from trocar.protocol.bodies.supervisor import Order, ProcessReport, QualityReport, SupervisorState
+from trocar.protocol.bodies.supervisor import (
+    Event,
+    Judgement,
+    Order,
+    ProcessReport,
+    QualityReport,
+    ReplayReport,
+    StartReport,
+    SupervisorState,
+)
 from trocar.protocol.bodies.training import Answer, Attempt
 from trocar.protocol.bodies.visualization import Hands, HandTarget
 
@@ -25,6 +34,7 @@ __all__ = [
     "ContactForces",
     "ContactModel",
     "Duct",
+    "Event",
     "GatewayState",
     "HandTarget",
     "Hands",
@@ -33,6 +43,7 @@ __all__ = [
     "Histogram",
     "InstrumentState",
     "Journal",
+    "Judgement",
     "LocalModel",
     "LoopReport",
     "Order",
@@ -41,8 +52,10 @@ __all__ = [
     "ProcessReport",
     "QualityReport",
     "RealtimeFact",
+    "ReplayReport",
     "StageCost",
     "Stall",
+    "StartReport",
     "SupervisorState",
     "ToolContacts",
     "ToolReaction",

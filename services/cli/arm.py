@@ -13,11 +13,10 @@ from trocar.protocol.topics import HEARTBEAT_S
 from trocar.services.runtime.config import config
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import BusError, UserError
-from trocar.services.runtime.private_directory import open_text
 from trocar.services.runtime.web.web_client import open_url
 from trocar.services.supervisor.control.commands import Command, What
 from trocar.services.supervisor.page.command_socket import ANSWER_S, ask_rig
-from trocar.services.supervisor.page.page_place import page_file
+from trocar.services.supervisor.page.page_place import page_file, read_page_file
 
 #: Longer by a heartbeat than the supervisor of this host may take, as a page elsewhere is reached over a network.
 PATIENCE_S = ANSWER_S + HEARTBEAT_S
@@ -95,9 +94,8 @@ def page_of(rig: Rig) -> RigPage:
     """Return where the page is of `rig` on this host. Raises BusError if no supervisor has left its page file."""
     path = page_file(rig.transport)
     try:
-        with open_text(path) as file:
-            said = json.load(file)
-            return RigPage(str(said["address"]), str(said["fingerprint"]))
+        content = read_page_file(path)
+        return RigPage(content.address, content.fingerprint)
     except FileNotFoundError:
         raise BusError(f"no supervisor is running here ({path} is not there)") from None
     except (OSError, ValueError, KeyError):

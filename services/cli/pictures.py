@@ -8,10 +8,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import trocar.protocol.bodies as bodies
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.reader import RecordedFrame, last_ns, read_frames
 from trocar.services.runtime.bus.bus import Bus
-from trocar.services.supervisor.control.shown_recording import ReplayStatus
 from trocar.services.supervisor.control.supervisor import Supervisor
 
 TOPICS = ("gateway.state", "physics.state")
@@ -110,10 +110,10 @@ class PicturePlayer:
                 else:
                     self.seek(number if what == "@" else self.place_s + (number if what == "+" else -number))
 
-    def status(self) -> ReplayStatus:
+    def status(self) -> bodies.ReplayReport:
         """Return where the recording stands, with the attempt as it was told of then."""
         told = self._shown.get("training.attempt")
-        return ReplayStatus(
+        return bodies.ReplayReport(
             file=self._path.name, place_s=self.place_s, length_s=self.length_s, rate=self.rate, halted=self.halted,
             loop=self._loop, attempt=None if told is None else told.frame.body,
         )  # fmt: skip

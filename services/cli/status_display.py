@@ -20,8 +20,9 @@ from rich.progress import (
 )
 from rich.table import Column
 
+import trocar.protocol.bodies as bodies
 from trocar.services.runtime import log
-from trocar.services.supervisor.control.supervisor import Event, Supervisor
+from trocar.services.supervisor.control.supervisor import Supervisor
 from trocar.services.supervisor.judge.state_machine import RigState
 
 _STYLES = {"warning": "yellow", "error": "red"}
@@ -67,7 +68,7 @@ class StatusDisplay:
     ) -> None:
         self._end_bars()
 
-    def event(self, event: Event) -> None:
+    def event(self, event: bodies.Event) -> None:
         """Show a line that is worth a person's eye."""
         if self._level is not None:
             shown = log.LEVELS[event.level] >= self._level

@@ -11,11 +11,12 @@ import sys
 from collections.abc import Sequence
 from contextlib import closing
 
+import trocar.protocol.bodies as bodies
 from trocar.services.runtime import log
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.process.process import parse
 from trocar.services.start import start_up
-from trocar.services.supervisor.control.supervisor import Event, Supervisor
+from trocar.services.supervisor.control.supervisor import Supervisor
 from trocar.services.supervisor.crew.fork_link import ForkServer
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.session import SessionOptions, open_session, run_session
@@ -57,7 +58,7 @@ class _Greeting:
         return False
 
 
-def _print(event: Event) -> None:
+def _print(event: bodies.Event) -> None:
     if log.LEVELS[event.level] >= (log.asked_level() or log.LEVELS["debug"]):
         print(f"{event.t:8.2f} {event.level.upper():7} {event.text}", file=sys.stderr)  # noqa: T201
 

@@ -91,7 +91,7 @@ class RunReport:
             "quality_level": self._supervisor.enforcement.level,
             "rungs": self._counts.rungs(),
             "state": str(self._state),
-            "events": list(self._supervisor.events),
+            "events": list(map(msgspec.structs.asdict, self._supervisor.events)),
             "machine": machine(),
         }
         plain: dict[str, Any] = json.loads(msgspec.json.encode(result))  # encodes NaN and infinity as null

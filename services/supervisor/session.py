@@ -7,12 +7,14 @@ import os
 import resource
 import secrets
 import signal
+import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import trocar.protocol.bodies as bodies
 from trocar.services.messages.exit_codes import ExitCode
 from trocar.services.recordings.errors import RecordingError
 from trocar.services.recordings.place import fault_of_folder
@@ -29,7 +31,7 @@ from trocar.services.runtime.web.web_certificate import Certificate, load_for
 from trocar.services.runtime.web.web_host import listen
 from trocar.services.start import first_start
 from trocar.services.supervisor import frozen_configuration
-from trocar.services.supervisor.control.supervisor import Event, Setup, Supervisor
+from trocar.services.supervisor.control.supervisor import Setup, Supervisor
 from trocar.services.supervisor.crew.crew import Launch
 from trocar.services.supervisor.crew.fork_link import ForkServer
 from trocar.services.supervisor.crew.loop_progress import LoopProgress
@@ -41,7 +43,7 @@ from trocar.services.supervisor.judge.governor import Level
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page.command_socket import CommandSocket
 from trocar.services.supervisor.page.page import Page
-from trocar.services.supervisor.page.page_link import PageSetup
+from trocar.services.supervisor.page.page_place import PageFile
 from trocar.services.supervisor.page.school import School
 
 #: A turn without events: five in the time within which a lost process is noticed (`crew._NOTICE_S`).
@@ -86,7 +88,7 @@ class SessionOptions:
 
     options: Options
     table: tuple[ProcessSpec, ...] = TABLE
-    on_event: Callable[[Event], None] | None = None
+    on_event: Callable[[bodies.Event], None] | None = None
     on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
     remarks: tuple[str, ...] = ()
     fork_server: ForkServer | None = None
@@ -153,14 +155,14 @@ def run_session(process: Process, session: SessionOptions) -> None:
     files = frozen_configuration.files_of(process.rig, session.options.rig, process.scene_name)
     changed = frozen_configuration.ChangedFiles(files, supervisor.say)
     rings, logs = _rings(process.rig), log_directory(process.rig)
-    page_setup = _page_setup(process, session, certificate)
+    content = _page_content(process, session, certificate, sock)
     loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
     with (
         closing(threads),
         closing(loop_progress),
-        closing(Page(sock, supervisor, page_setup, logs)) as page,
+        closing(Page(sock, supervisor, content, logs)) as page,
         closing(CommandSocket(supervisor)) as control,
-        closing(School(supervisor, page_setup, logs)) as school,
+        closing(School(supervisor, logs)) as school,
     ):
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
@@ -194,14 +196,26 @@ def _say_first(supervisor: Supervisor, session: SessionOptions, certificate: Cer
         supervisor.say("info", f"page: the certificate's SHA-256 fingerprint is {certificate.fingerprint}, {until}")
 
 
-def _page_setup(process: Process, session: SessionOptions, certificate: Certificate | None) -> PageSetup:
-    """Return what the processes of the page and of the school are told at their start."""
-    fingerprint = "" if certificate is None else certificate.fingerprint
-    rig = process.rig.model_dump_json()
-    return PageSetup(
-        rig, process.scene_name, session.token, session.switches, fingerprint, process.scene_overrides,
-        (session.options.rig, session.options.overrides),
-    )  # fmt: skip
+def _page_content(
+    process: Process, session: SessionOptions, certificate: Certificate | None, sock: socket.socket
+) -> PageFile:
+    """Return the content of the page's file."""
+    return PageFile(
+        address=_address(sock, "http" if certificate is None else "https"),
+        token=session.token,
+        rig=process.rig.model_dump_json(),
+        scene=process.scene_name,
+        switches=session.switches,
+        fingerprint="" if certificate is None else certificate.fingerprint,
+        scene_overrides=process.scene_overrides,
+        asked=(session.options.rig, session.options.overrides),
+    )
+
+
+def _address(sock: socket.socket, scheme: str) -> str:
+    host, port = sock.getsockname()[:2]
+    host = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
+    return f"{scheme}://{host}:{port}/"
 
 
 def _raise_fault(supervisor: Supervisor) -> None:

@@ -13,7 +13,9 @@ from trocar.services.runtime.bus import endpoints
 from trocar.services.runtime.config.rig import Rig, SupervisorSettings, Transport
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.measures.flight import FlightRing, flight_directory
-from trocar.services.supervisor.page.page_place import page_file, write_page_file
+from trocar.services.supervisor.page.page_place import PageFile, page_file, write_page_file
+
+OF_A_RUN = PageFile(address="http://127.0.0.1:1", token="token", rig="{}", scene="default")
 
 
 @pytest.mark.parametrize("mode", ["launch", "attach"])
@@ -22,7 +24,7 @@ def test_rings_and_page_file_of_a_supervisor_that_was_killed_are_removed(
 ) -> None:
     transport = Transport(directory=tmp_path / "run")
     rig = Rig(name="gone", transport=transport, supervisor=SupervisorSettings(mode=mode))
-    write_page_file(page_file(transport), "http://127.0.0.1:1", "token")
+    write_page_file(page_file(transport), OF_A_RUN)
     rings = flight_directory(tmp_path / "run")
     FlightRing(1000.0).share(rings / "gateway.flight")
     FlightRing(1000.0).share(rings / "floor0.flight")
@@ -45,7 +47,7 @@ def test_files_of_a_rig_that_is_alive_are_kept(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(down, "END_S", 0.1)
     monkeypatch.setattr(down, "_end", lambda *_: None)  # as if the process could not be ended
     transport = Transport(directory=tmp_path / "run")
-    write_page_file(page_file(transport), "http://127.0.0.1:1", "token")
+    write_page_file(page_file(transport), OF_A_RUN)
     with endpoints.claim(transport, "gateway.state") as lock:
         if not says_who:
             lock.truncate(0)

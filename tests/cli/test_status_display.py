@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import pytest
 from rich.console import Console
 
+import trocar.protocol.bodies as bodies
 from trocar.services.cli import status_display
 from trocar.services.cli.status_display import StatusDisplay
 from trocar.services.runtime import log
 from trocar.services.start import first_start
-from trocar.services.supervisor.control.supervisor import Event
 from trocar.services.supervisor.crew.member import MemberState
 from trocar.services.supervisor.crew.processes import TABLE
 from trocar.services.supervisor.judge.state_machine import RigState
@@ -107,5 +107,5 @@ def test_events_are_shown_from_the_level_that_was_asked_for(
         monkeypatch.setenv(log.LEVEL_VARIABLE, level)
         display = StatusDisplay()
     for name in log.LEVELS:
-        display.event(Event(1.0, name, f"an event of {name}"))
+        display.event(bodies.Event(1.0, name, f"an event of {name}"))
     assert [name for name in log.LEVELS if f"an event of {name}" in written.getvalue()] == shown

@@ -199,7 +199,7 @@ def _longest_wait_ns(path: Path) -> int:
 def test_metrics_and_dashboard_tell_the_same_of_stages_and_threads() -> None:
     meter = LoopMeter(1000.0, ("solve", "send"))
     times = StageTimes(meter.flight)
-    heard = Heard.nothing(2.0)
+    heard = Heard(2.0)
     for report in range(30):
         for k in range(100):
             meter.flight.write(k, 0, 0, 0, 0, (200_000 if k else 700_000, 20_000))

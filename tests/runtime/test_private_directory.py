@@ -13,9 +13,11 @@ from trocar.services.runtime.bus import endpoints
 from trocar.services.runtime.config.rig import Transport
 from trocar.services.runtime.errors import BusError
 from trocar.services.runtime.private_directory import open_private, open_text
-from trocar.services.supervisor.page.page_place import page_file, write_page_file
+from trocar.services.supervisor.page.page_place import PageFile, page_file, write_page_file
 
 __all__ = ["everybodys"]
+
+OF_A_RUN = PageFile(address="http://127.0.0.1:1/", token="token", rig="{}", scene="default")
 
 
 def test_it_is_made_for_this_user_alone(tmp_path: Path) -> None:
@@ -113,7 +115,7 @@ def test_another_user_who_was_there_first_receives_nothing(everybodys: Path, tmp
     transport = Transport(directory=everybodys / f"trocar-{os.getuid()}")
     assert as_other_user(_SQUAT, transport.directory, precious).returncode == 0  # type: ignore[arg-type]
     with pytest.raises(BusError, match="it belongs to user 65534"):
-        write_page_file(page_file(transport), "http://127.0.0.1:1/", "token")
+        write_page_file(page_file(transport), OF_A_RUN)
     assert precious.read_text() == "mine"
 
 
@@ -143,7 +145,7 @@ for attempt in (
 @needs_other_user
 def test_another_user_reads_neither_token_nor_frames(everybodys: Path) -> None:
     transport = Transport(directory=everybodys / "rig")
-    write_page_file(page_file(transport), "http://127.0.0.1:1/", "token")
+    write_page_file(page_file(transport), OF_A_RUN)
     with endpoints.claim(transport, "gateway.state"):
         done = as_other_user(_PRY, endpoints.run_directory(transport))
     assert (done.returncode, done.stderr) == (0, "")

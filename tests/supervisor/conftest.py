@@ -14,8 +14,10 @@ from trocar.services.runtime.bus import bus
 from trocar.services.runtime.process.process import Options
 from trocar.services.supervisor import session
 from trocar.services.supervisor.control import supervisor
+from trocar.services.supervisor.control.supervisor import Supervisor
 from trocar.services.supervisor.crew import restart_policy
 from trocar.services.supervisor.crew.fork_link import ForkServer
+from trocar.services.supervisor.page.page_place import PageFile, page_file, write_page_file
 
 
 @pytest.fixture(autouse=True)
@@ -33,8 +35,9 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
 class _NoPage:
     """In the place of a page's process, whose address is taken as it takes it."""
 
-    def __init__(self, sock: socket.socket, *_: object) -> None:
+    def __init__(self, sock: socket.socket, supervisor: Supervisor, content: PageFile, *_: object) -> None:
         self._socket = sock
+        write_page_file(page_file(supervisor.rig.transport), content)  # for the school
 
     def run_turn(self, now_s: float) -> None:
         """Tell nobody."""

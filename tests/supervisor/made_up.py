@@ -16,7 +16,6 @@ from trocar.services.supervisor.control.supervisor import Setup, Supervisor
 from trocar.services.supervisor.crew.processes import TABLE, ProcessSpec
 from trocar.services.supervisor.judge.governor import Level
 from trocar.services.supervisor.page.dashboard import DashboardSnapshot, Heard, snapshot
-from trocar.services.supervisor.page.page_link import RigStatus
 
 MS = 1_000_000
 
@@ -142,20 +141,20 @@ class Bench:
     peers: dict[str, Peer] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        hub = MemoryHub()
+        self.hub = hub = MemoryHub()
         for spec in TABLE:
             more = ["training.attempt"] if spec.name == "training" else [spec.stream] if spec.stream else []
             publishes = [f"{spec.name}.health", *more]
             self.peers[spec.name] = Peer(spec, MemoryBus(hub, publishes=publishes), born_s=self.now_s)
         reads = [f"{spec.name}.health" for spec in TABLE] + [spec.stream for spec in TABLE if spec.stream]
-        bus = MemoryBus(hub, publishes=["supervisor.state"], reads=[*reads, "training.attempt"])
+        bus = MemoryBus(hub, publishes=["supervisor.state", "supervisor.judgement"], reads=[*reads, "training.attempt"])
         self.ears = MemoryBus(hub, reads_every=["supervisor.state"])
         levels = self.levels
         if isinstance(levels, int):
             levels = tuple(Level(str(k)) for k in range(levels))
         setup = Setup(self.rig, TABLE, None, levels, self.memory)
         self.supervisor = Supervisor(setup, bus, self.now_s)
-        self.heard = {name: Heard.nothing(2.0) for name in self.peers}
+        self.heard = {name: Heard(2.0) for name in self.peers}
         self.supervisor.crew.on_report = lambda name, body: self.heard[name].take_report(body)
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False, turn_s: float = 0.02) -> float:
@@ -184,4 +183,4 @@ def rig(**settings: object) -> Rig:
 def shown(bench: Bench) -> DashboardSnapshot:
     """Return what the page would show."""
     supervisor = bench.supervisor
-    return snapshot(RigStatus.of(supervisor, bench.now_s), bench.heard, supervisor.rig, "default")
+    return snapshot(supervisor.body(), supervisor.judgement(), bench.heard, supervisor.rig, "default")

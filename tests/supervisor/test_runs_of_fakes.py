@@ -214,7 +214,7 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
     assert set(json.loads(down.out)["ended"]) == ended
     left = {"flights", file.name, "log"}
     end_s = time.monotonic() + PATIENCE_S
-    while {path.name for path in file.parent.iterdir()} - left:  # the school sees by its link that nobody is there
+    while {path.name for path in file.parent.iterdir()} - left:  # the school notices that nobody is there
         assert time.monotonic() < end_s, list(file.parent.iterdir())
         time.sleep(0.1)
     assert json.loads(trocar("down", "--json", *rig).out) == {"ended": []}

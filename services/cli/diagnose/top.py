@@ -15,7 +15,6 @@ from rich.table import Table
 from rich.text import Text
 
 import trocar.protocol.bodies as bodies
-from trocar import protocol
 from trocar.protocol.topics import HEALTH_S, HEARTBEAT_S
 from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.bus.endpoints import lock_holders
@@ -23,9 +22,8 @@ from trocar.services.runtime.bus.zmq_bus import ZmqBus
 from trocar.services.runtime.config import config
 from trocar.services.runtime.errors import BusError
 from trocar.services.runtime.measures.histogram import Quantiles
-from trocar.services.supervisor.judge import figures
-from trocar.services.supervisor.judge.window import Window
 from trocar.services.supervisor.page.dashboard import loop_row, topic_rows
+from trocar.services.supervisor.page.rig_listener import TOPICS, RigListener
 
 _TURN_S = HEALTH_S
 _STALE_S = 2 * HEARTBEAT_S  # twice, as this process is of the ordinary class and hears late on a busy machine
@@ -34,44 +32,33 @@ _QUANTILES = tuple(field.name for field in fields(Quantiles))
 _WIDTH = 80
 
 
-class Listener:
-    """Hears every process; `running` tells the ids of those that are known to run before they are heard."""
+class RigSummary:
+    """What is heard of a rig, as plain data; `running` are ids of processes that are known to run before they speak."""
 
     def __init__(self, bus: Bus, window_s: float, running: Mapping[str, int]) -> None:
         self._bus = bus
-        self._window_s = window_s
+        self._rig = RigListener(window_s)
         self._running = running
-        self.health: dict[str, tuple[bodies.Health, float]] = {}
-        self.windows = {name: Window(window_s) for name in protocol.PROCESSES}
-        self.state: bodies.SupervisorState | None = None
 
     def hear(self, now_s: float) -> None:
         """Take what has arrived."""
-        for name, window in self.windows.items():
-            frame = self._bus.latest(f"{name}.health")
-            if frame is not None:
-                self.health[name] = (frame.body, now_s)
-                window.add(frame.body.pid, figures.of(frame.body))
-        for frame in self._bus.drain("supervisor.state"):
-            self.state = frame.body
+        self._rig.hear_all(self._bus, now_s)
 
     def is_anybody(self) -> bool:
         """Return whether somebody was heard, or is known to run: it may be compiling, which it does in silence."""
-        return bool(self.health or self._running)
+        return bool(self._rig.reports or self._running)
 
     def result(self, now_s: float) -> dict[str, Any]:
         """Return what was heard as plain data, NaN as None."""
-        counted = {
-            name: window.figures(self._window_s) or figures.Figures(0.0) for name, window in self.windows.items()
-        }
-        unheard = self._unheard()
-        waits = [] if self.state else ["the supervisor's judgement"]
-        waits += [f"{name} ({report.state})" for name, report in unheard.items() if report.state != "failed"]
-        processes = [self._heard_row(name, now_s, counted[name]) for name in self.health]
+        state, counted, unheard = self._rig.state, self._rig.figures(), self._unheard()
+        waits = [] if state else ["the supervisor's judgement"]
+        doing = self._rig.starts
+        waits += [f"{n} ({doing.get(n, report.state)})" for n, report in unheard.items() if report.state != "failed"]
+        processes = [self._heard_row(name, health, now_s) for name, health in self._rig.reports.items()]
         data = {
-            "state": self.state.state if self.state else "unknown",
-            "reason": self.state.reason if self.state else "no word from the supervisor",
-            "quality_level": self.state.quality_level if self.state else None,
+            "state": state.state if state else "unknown",
+            "reason": state.reason if state else "no word from the supervisor",
+            "quality_level": state.quality_level if state else None,
             "waits_for": waits,
             "processes": processes + [_unheard_row(report) for report in unheard.values()],
             "paths": {n: p.latency.quantiles() for w in counted.values() for n, p in w.paths.items()},
@@ -83,19 +70,23 @@ class Listener:
     def _unheard(self) -> dict[str, bodies.ProcessReport]:
         """Return who has said nothing yet: as the supervisor knows it, else as the lock of its endpoints tells."""
         known = {name: bodies.ProcessReport(name=name, state="running", pid=pid) for name, pid in self._running.items()}
-        if self.state is not None:
-            known |= {report.name: report for report in self.state.processes}
-        return {name: report for name, report in known.items() if name not in self.health}
+        known |= {report.name: report for report in self._said()}
+        return {name: report for name, report in known.items() if name not in self._rig.reports}
 
-    def _heard_row(self, name: str, now_s: float, window: figures.Figures) -> dict[str, Any]:
-        (health, heard_s), said = self.health[name], self.state.processes if self.state else ()
+    def _said(self) -> tuple[bodies.ProcessReport, ...]:
+        """Return what the supervisor says of the processes."""
+        return self._rig.state.processes if self._rig.state is not None else ()
+
+    def _heard_row(self, name: str, health: bodies.Health, now_s: float) -> dict[str, Any]:
+        heard = self._rig.heard[name]
+        window, is_kept = heard.figures, f"{name} ticks" not in self._rig.broken
         return {
             "name": name,
-            "state": health.state if now_s - heard_s < _STALE_S else "silent",
+            "state": health.state if now_s - heard.heard_s < _STALE_S else "silent",
             "pid": health.pid,
-            "restarts": next((report.restarts for report in said if report.name == name), 0),
+            "restarts": next((report.restarts for report in self._said() if report.name == name), 0),
             "detail": health.detail,
-            "loop": loop_row(window.loop, window.seconds, kept=True) if window.loop else None,
+            "loop": loop_row(window.loop, window.seconds, is_kept) if window.loop else None,
         }
 
 
@@ -109,33 +100,32 @@ def _unheard_row(report: bodies.ProcessReport) -> dict[str, Any]:
 def run_top(rig: str, once: bool, as_json: bool, seconds: float, overrides: tuple[str, ...]) -> None:
     """Show the rig until Ctrl-C, or once. Raises BusError if nobody is heard."""
     transport = config.load_rig(rig, overrides).transport
-    reads = [*(f"{name}.health" for name in protocol.PROCESSES), "supervisor.state"]
-    bus = ZmqBus(transport, reads=reads)
+    bus = ZmqBus(transport, reads=TOPICS)
     try:
-        listener = Listener(bus, seconds, lock_holders(transport))
-        if once or not listener.is_anybody():
-            _listen(listener, seconds if once else 0.5)
-        if not listener.is_anybody():
+        summary = RigSummary(bus, seconds, lock_holders(transport))
+        if once or not summary.is_anybody():
+            _listen(summary, seconds if once else 0.5)
+        if not summary.is_anybody():
             raise BusError("nothing was heard: is a rig running on this transport?")
         if once:
-            _print_once(listener, as_json=as_json)
+            _print_once(summary, as_json=as_json)
         else:
-            _follow(listener, as_json=as_json)
+            _follow(summary, as_json=as_json)
     except KeyboardInterrupt:
         return
     finally:
         bus.close()
 
 
-def _listen(listener: Listener, seconds: float) -> None:
+def _listen(summary: RigSummary, seconds: float) -> None:
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
-        listener.hear(time.monotonic())
+        summary.hear(time.monotonic())
         time.sleep(_TURN_S)
 
 
-def _print_once(listener: Listener, *, as_json: bool) -> None:
-    result = listener.result(time.monotonic())
+def _print_once(summary: RigSummary, *, as_json: bool) -> None:
+    result = summary.result(time.monotonic())
     if as_json:
         print(json.dumps(result, indent=1))
     else:
@@ -143,16 +133,16 @@ def _print_once(listener: Listener, *, as_json: bool) -> None:
         console.print(render(result), width=None if console.is_terminal else _WIDTH)
 
 
-def _follow(listener: Listener, *, as_json: bool) -> None:
+def _follow(summary: RigSummary, *, as_json: bool) -> None:
     if as_json:
         while True:
-            _listen(listener, 1.0)
-            print(json.dumps(listener.result(time.monotonic())), flush=True)
+            _listen(summary, 1.0)
+            print(json.dumps(summary.result(time.monotonic())), flush=True)
     with Live(auto_refresh=False) as live:
         while True:
-            result = listener.result(time.monotonic())
+            result = summary.result(time.monotonic())
             live.update(render(result), refresh=True)
-            _listen(listener, _TURN_S if result["waits_for"] else 0.5)  # who is awaited is shown when he is heard
+            _listen(summary, _TURN_S if result["waits_for"] else 0.5)  # who is awaited is shown when he is heard
 
 
 def render(result: dict[str, Any]) -> Group:

@@ -41,9 +41,9 @@ class SceneRequirements:
         return TOPICS[topic].publisher not in self.idle
 
     def is_read(self, topic: str) -> bool:
-        """Return whether some process might read a topic."""
-        row = TOPICS[topic]
-        return any(process not in self.idle for process in (*row.readers, *row.observers))
+        """Return whether some process, or an observer that is none of the rig's, might read a topic."""
+        named = (*TOPICS[topic].readers, *TOPICS[topic].observers)
+        return not named or any(process not in self.idle for process in named)
 
     def fitted(self, rig: Rig) -> Rig:
         """Return the rig without processes, instruments, handles and contracts that the scene does not need."""

@@ -7,7 +7,7 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields
 from types import FrameType
@@ -186,13 +186,12 @@ def _warn_of(fact: realtime.Fact, logger: logging.Logger) -> None:
         logger.warning("%s: asked for %s, had %s", fact.name, fact.asked, fact.had)
 
 
-def listen_as(name: str, rig: Rig) -> ZmqBus:
-    """Return a read-only bus for a helper, with the topics that the table lets a process read, and all health reports.
+def observe(rig: Rig, topics: Iterable[str]) -> ZmqBus:
+    """Return the bus of an observer of a rig, which reads the newest of each topic and publishes nothing.
 
-    Processes that the rig does not run are left out.
+    Topics of processes that the rig does not run are left out.
     """
-    said = [each for each in read_by(name) if rig.process(topic(each).publisher).enabled]
-    return ZmqBus(rig.transport, reads=(*said, f"{name}.health"))
+    return ZmqBus(rig.transport, reads=[each for each in topics if rig.process(topic(each).publisher).enabled])
 
 
 def _stop_on_signals(process: Process) -> None:

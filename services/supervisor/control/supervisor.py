@@ -7,17 +7,18 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import msgspec
 
 import trocar.protocol.bodies as bodies
-from trocar.protocol.topics import HEALTH_S, ORDER_S
+from trocar.protocol.bodies.supervisor import EVENTS_TOLD, LINE_CHARS
+from trocar.protocol.topics import HEALTH_S, JUDGEMENT_S, ORDER_S
 from trocar.services.runtime.bus.bus import Bus, new_incarnation
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.loop.loop import LoopMeter
 from trocar.services.runtime.private_directory import open_text
 from trocar.services.supervisor.control.commands import Commands
-from trocar.services.supervisor.control.shown_recording import ShownRecording
 from trocar.services.supervisor.crew import hang_detection
 from trocar.services.supervisor.crew.crew import Crew, Launch
 from trocar.services.supervisor.crew.member import build_members
@@ -35,15 +36,6 @@ _ENTER_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
-    """A message for people: seconds since the supervisor's start, level, text."""
-
-    t: float
-    level: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class Setup:
     """Arguments of a supervisor; `safe_stop_file`, if given, keeps a safe stop across its own restart."""
 
@@ -54,10 +46,22 @@ class Setup:
     safe_stop_file: Path | None = None
 
 
+class ShownRecording(Protocol):
+    """A recording whose pictures are shown, and that people control."""
+
+    def obey(self, line: str) -> None:
+        """Execute a command typed or sent by the page."""
+
+    def status(self) -> bodies.ReplayReport:
+        """Return the state of the replay."""
+
+
 class Supervisor:
     """State of the rig. `step` is called about fifty times a second and never waits."""
 
-    def __init__(self, setup: Setup, bus: Bus, now_s: float, on_event: Callable[[Event], None] | None = None) -> None:
+    def __init__(
+        self, setup: Setup, bus: Bus, now_s: float, on_event: Callable[[bodies.Event], None] | None = None
+    ) -> None:
         settings = setup.rig.supervisor
         self.rig = setup.rig
         self.state = RigState.OFF
@@ -71,7 +75,7 @@ class Supervisor:
         self.start_notice = ""  # what a person should know while it starts
         self.shown: ShownRecording | None = None
         self.meter: LoopMeter | None = None  # measures its own turns
-        self.events: deque[Event] = deque(maxlen=200)
+        self.events: deque[bodies.Event] = deque(maxlen=200)
         limits = hang_detection.HangLimits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
         patience_s = contracts.STILL_S + 2.0 * SETTLE_S  # outlasts a stall's effect on windows and hysteresis
@@ -89,7 +93,7 @@ class Supervisor:
         self._attempt_answers: tuple[bodies.Answer, ...] = ()
         self._now_s = now_s
         self._not_ready_s = self._trouble_s = now_s
-        self._judged_s = self._told_s = float("-inf")
+        self._judged_s = self._told_s = self._judgement_told_s = float("-inf")
         self._told: bodies.SupervisorState | None = None
         self._up: set[str] = set()
 
@@ -156,7 +160,7 @@ class Supervisor:
 
     def say(self, level: str, text: str) -> None:
         """Add an event; "debug" ones are passed on but not stored."""
-        event = Event(round(self._now_s - self.started_s, 3), level, text)
+        event = bodies.Event(round(self._now_s - self.started_s, 3), level, text[:LINE_CHARS])
         if level != "debug":
             self.events.append(event)
         if self._on_event is not None:
@@ -179,6 +183,24 @@ class Supervisor:
                 for order, said_s, until_s in self._orders
                 if self._now_s < min(said_s + ORDER_S, until_s)
             ),
+        )
+
+    def judgement(self) -> bodies.Judgement:
+        """Return what is published for people."""
+        members = self.crew.members.items()
+        progress = {name: each.progress for name, each in members if each.progress is not None and not each.came_up}
+        return bodies.Judgement(
+            incarnation=self.incarnation,
+            t=round(self._now_s - self.started_s, 3),
+            broken=tuple(breach.key for breach in self.breaches),
+            path_limits_us=self.path_limits_us(),
+            events=tuple(self.events)[-EVENTS_TOLD:],
+            start_notice=self.start_notice[:LINE_CHARS] if self.state is RigState.STARTING else "",
+            starts=tuple(
+                bodies.StartReport(process=name, stage=stage, fraction=fraction)
+                for name, (stage, fraction) in progress.items()
+            ),
+            replay=None if self.shown is None else self.shown.status(),
         )
 
     def _stop_safely(self, reason: str) -> None:
@@ -293,6 +315,9 @@ class Supervisor:
         if changed or self._now_s - self._told_s >= _TELL_S:
             self._told, self._told_s = body, self._now_s
             self._bus.publish("supervisor.state", body)
+        if self._now_s - self._judgement_told_s >= JUDGEMENT_S:
+            self._judgement_told_s = self._now_s
+            self._bus.publish("supervisor.judgement", self.judgement())
 
 
 def _quality(governor: Governor) -> bodies.QualityReport:

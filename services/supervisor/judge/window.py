@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from itertools import chain, islice
 
@@ -33,7 +34,9 @@ class Window:
         self._fine: deque[Figures] = deque()
 
     def add(self, pid: int, figures: Figures) -> None:
-        """Add the cumulative `figures` of a report."""
+        """Add the cumulative `figures` of a report; one at a time that is no number would never leave the window."""
+        if not math.isfinite(figures.seconds):
+            return
         last = self._fine[-1] if self._fine else None
         if last is None or pid != self._pid or figures.seconds < last.seconds or _rate(figures) != _rate(last):
             self._fine.clear()

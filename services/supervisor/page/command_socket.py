@@ -6,6 +6,7 @@ import math
 import socket
 from contextlib import closing, suppress
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -18,7 +19,6 @@ from trocar.services.runtime.config.rig import Transport
 from trocar.services.runtime.errors import BusError
 from trocar.services.supervisor.control.commands import Command
 from trocar.services.supervisor.control.supervisor import Supervisor
-from trocar.services.supervisor.page.page_link import Link
 
 #: Callers at once: the page, and a person's commands, which last a second. More are kept out, as each holds a
 #: descriptor.
@@ -27,6 +27,8 @@ _HELLO_S = 1.0  # the supervisor, which looks fifty times a second, answers with
 #: Timeout of a command, which is not executed afterwards: that of an order to the attempt, and five reports for the
 #: answer.
 ANSWER_S = ORDER_S + HEARTBEAT_S
+#: More than the longest command: a moment and a name have some hundred characters.
+_MESSAGE_MAX = 1 << 14
 #: Time for an answer to a command that had been begun when its sender wanted to give up.
 _BEGUN_S = 1.0
 
@@ -41,6 +43,61 @@ class RunTime(msgspec.Struct, frozen=True):
 def control_path(transport: Transport) -> Path:
     """Return the path of the socket, in this user's private directory."""
     return endpoints.run_directory(transport) / "supervisor.control"
+
+
+_T = TypeVar("_T", bound=msgspec.Struct)
+
+
+class Link:
+    """One end of a connection; only `wait` blocks."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+
+    def send(self, message: msgspec.Struct) -> bool:
+        """Send a message unless the other end is slow or gone; return whether it was sent."""
+        try:
+            self._end.send(msgspec.json.encode(message), socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+        except OSError:  # also if this end is closed
+            return False
+        return True
+
+    def receive_claimed(self, kind: type[_T]) -> tuple[_T, Claim | None] | None:
+        """Return the next message with the claim that came with it, None without one.
+
+        Raises ConnectionError if the other end is gone.
+        """
+        try:
+            data, claim, _ = Claim.receive(self._end, _MESSAGE_MAX)
+        except BlockingIOError:
+            return None
+        try:
+            if not data:
+                raise ConnectionResetError("the other end is gone")
+            return msgspec.json.decode(data, type=kind), claim
+        except BaseException:
+            if claim is not None:
+                claim.close()
+            raise
+
+    def send_claimed(self, message: msgspec.Struct, claim: Claim) -> None:
+        """Send a message that is only carried out if its receiver can take the claim. Raises OSError."""
+        claim.send_with(self._end, msgspec.json.encode(message))
+
+    def wait(self, kind: type[_T], timeout_s: float) -> _T | None:
+        """Return the next message, None without one within `timeout_s`; raises as `receive_claimed` does."""
+        self._end.settimeout(timeout_s)
+        try:
+            data = self._end.recv(_MESSAGE_MAX)
+        except TimeoutError:
+            return None
+        if not data:
+            raise ConnectionResetError("the other end is gone")
+        return msgspec.json.decode(data, type=kind)
+
+    def close(self) -> None:
+        """Close this end."""
+        self._end.close()
 
 
 class CommandSocket:

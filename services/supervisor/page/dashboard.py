@@ -19,13 +19,10 @@ from trocar.protocol.topics import TOPICS
 from trocar.services.diagnosis.thread_usage import Usage, UsageRow
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.measures.histogram import Quantiles
-from trocar.services.supervisor.control.supervisor import Event
 from trocar.services.supervisor.judge.figures import Figures, Latencies, Loop, Path, Traffic
 from trocar.services.supervisor.judge.figures import of as figures_of
 from trocar.services.supervisor.judge.window import Window
-from trocar.services.supervisor.page.page_link import RigStatus
 
-EVENTS_SHOWN = 50  # more than a screen has lines; the log has all of them
 UNKNOWN = math.nan
 
 
@@ -130,31 +127,30 @@ class DashboardSnapshot(msgspec.Struct, frozen=True):
     answered_next_tick: float
     heat: Mapping[str, Heat]
     judge: JudgeRow | None
-    events: tuple[Event, ...]
+    events: tuple[Mapping[str, object], ...]
     attempt: Mapping[str, object] | None
     replay: Mapping[str, object] | None
 
 
 @dataclass
 class Heard:
-    """The newest report of one process, and its recent counts."""
+    """The newest report of one process, when it came, and its counts of the last `window_s`."""
 
-    health: bodies.Health | None
-    window: Window
     window_s: float
+    health: bodies.Health | None = None
+    heard_s: float = 0.0
     _maxima: deque[tuple[float, dict[str, float]]] = field(default_factory=deque)
 
-    @classmethod
-    def nothing(cls, window_s: float) -> Heard:
-        """Return an empty object, with figures over the last `window_s`."""
-        return cls(None, Window(window_s), window_s)
+    def __post_init__(self) -> None:
+        self.window = Window(self.window_s)
 
     def take_report(self, health: bodies.Health) -> None:
         """Add a report."""
         self.health = health
         self.window.add(health.pid, figures_of(health, stages=True))
         self._maxima.append((health.uptime_s, {stage.name: stage.max_us for stage in health.stages}))
-        while abs(health.uptime_s - self._maxima[0][0]) > self.window_s:  # a restarted process counts from 0
+        # A restarted process counts from 0, and who makes up a report may say that its time is no number.
+        while len(self._maxima) > 1 and not abs(health.uptime_s - self._maxima[0][0]) <= self.window_s:
             self._maxima.popleft()
 
     def stage_rows(self) -> tuple[StageRow, ...]:
@@ -173,28 +169,28 @@ class Heard:
 
 
 def snapshot(
-    status: RigStatus,
+    state: bodies.SupervisorState,
+    told: bodies.Judgement,
     heard: Mapping[str, Heard],
     rig: Rig,
     scene: str,
     threads: Mapping[str, UsageRow] = MappingProxyType({}),
     attempt: bodies.Attempt | None = None,
 ) -> DashboardSnapshot:
-    """Return the rig's state for the page, from the supervisor's judgement and the processes' reports."""
-    state = status.state
+    """Return the rig's state for the page, from the supervisor's state and judgement and the processes' reports."""
     windows = {name: one.figures for name, one in heard.items()}
-    broken = set(status.broken)
+    broken = set(told.broken)
     paths = {name: path for window in windows.values() for name, path in window.paths.items()}
     model = paths.get("device_model")
-    nothing = Heard.nothing(rig.supervisor.window_s)
-    starts = status.starts
+    nothing = Heard(rig.supervisor.window_s)
+    starts = {each.process: (each.stage, each.fraction) for each in told.starts}
     usage = {name: row.lately for name, row in threads.items()}
     return DashboardSnapshot(
-        t=round(status.said_s - status.started_s, 3),
-        incarnation=status.incarnation,
+        t=told.t,
+        incarnation=told.incarnation,
         state=state.state,
         reason=state.reason,
-        start_notice=status.start_notice,
+        start_notice=told.start_notice,
         quality_level=state.quality_level,
         quality=msgspec.structs.asdict(state.quality),
         safe_stop=state.safe_stop,
@@ -211,13 +207,13 @@ def snapshot(
             for process in state.processes
         ),
         topics=topic_rows(windows),
-        paths=tuple(_path_row(name, path, status.path_limits_us.get(name), broken) for name, path in paths.items()),
+        paths=tuple(_path_row(name, path, told.path_limits_us.get(name), broken) for name, path in paths.items()),
         answered_next_tick=model.answered / model.asked if model and model.asked else UNKNOWN,
         heat={name: _heat(window.loop.lateness) for name, window in windows.items() if window.loop},
         judge=_judge_row(heard.get("supervisor", nothing)),
-        events=status.events[-EVENTS_SHOWN:],
+        events=tuple(map(msgspec.structs.asdict, told.events)),
         attempt=None if attempt is None else {**msgspec.structs.asdict(attempt), "answers": ()},
-        replay=None if status.replay is None else {**msgspec.structs.asdict(status.replay), "attempt": None},
+        replay=None if told.replay is None else {**msgspec.structs.asdict(told.replay), "attempt": None},
     )
 
 

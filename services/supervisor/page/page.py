@@ -1,7 +1,7 @@
-"""The supervisor's handling of the page's process: start, messages, restart.
+"""The supervisor's handling of the page's process: start and restart.
 
 The process is not real-time and shares no interpreter with the judging loop, so that it delays nothing when it is busy
-or not run. It receives the processes' reports itself, and ends with its socket pair.
+or not run. It reads the bus as any observer.
 """
 
 from __future__ import annotations
@@ -12,49 +12,26 @@ from pathlib import Path
 
 from trocar.services.supervisor.control.supervisor import Supervisor
 from trocar.services.supervisor.crew.processes import ProcessSpec
-from trocar.services.supervisor.page.linked_process import LinkedProcess
-from trocar.services.supervisor.page.page_link import STATUS_S, PageSetup, RigStatus
-from trocar.services.supervisor.page.page_place import page_file, write_page_file
+from trocar.services.supervisor.page.helper import Helper
+from trocar.services.supervisor.page.page_place import PageFile, page_file, write_page_file
 
 _PAGE = ProcessSpec("page", "trocar.services.supervisor.page.page_server")
 
 
-class Page:
+class Page(Helper):
     """The page's process."""
 
-    def __init__(self, sock: socket.socket, supervisor: Supervisor, setup: PageSetup, log_directory: Path) -> None:
-        self._supervisor = supervisor
-        self._socket = sock
-        self._file = page_file(supervisor.rig.transport)
-        self._process = LinkedProcess(
-            _PAGE, log_directory / "page.log", setup, supervisor.say, (sock.fileno(),), beats=True
-        )
-        self._due_s = 0.0
-        address, token = _address(sock, "https" if setup.fingerprint else "http"), setup.token
-        write_page_file(self._file, address, token, setup.fingerprint)
-        supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
-        supervisor.page_address = f"{address}#token={token}"
-        self._process.start()
-
-    def end(self) -> None:
-        """Let the process end, without waiting for it."""
-        self._process.end()
+    def __init__(self, sock: socket.socket, supervisor: Supervisor, content: PageFile, log_directory: Path) -> None:
+        self._socket, self._file = sock, page_file(supervisor.rig.transport)
+        log_file = log_directory / "page.log"
+        super().__init__(_PAGE, log_file, supervisor.say, self._file, (sock.fileno(),), beats=True)
+        write_page_file(self._file, content)
+        supervisor.token_sha256 = hashlib.sha256(content.token.encode()).hexdigest()
+        supervisor.page_address = f"{content.address}#token={content.token}"
+        self.start()
 
     def close(self) -> None:
         """End the process, and release the address."""
-        self._process.close()
+        super().close()
         self._socket.close()
         self._file.unlink(missing_ok=True)
-
-    def run_turn(self, now_s: float) -> None:
-        """Keep the process running, and send the status when due."""
-        self._process.run_turn(now_s)
-        if self._process.link is not None and now_s >= self._due_s:
-            self._due_s = now_s + STATUS_S
-            self._process.link.send(RigStatus.of(self._supervisor, now_s))
-
-
-def _address(sock: socket.socket, scheme: str) -> str:
-    host, port = sock.getsockname()[:2]
-    host = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
-    return f"{scheme}://{host}:{port}/"

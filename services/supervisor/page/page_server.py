@@ -1,7 +1,7 @@
-"""The page's process: ``python -m trocar.services.supervisor.page.page_server LINK SOCKET``, started by the supervisor.
+"""The page's process: ``python -m trocar.services.supervisor.page.page_server FILE LIFELINE SOCKET``.
 
-It receives the processes' reports on the bus, and the supervisor's judgement over the link. It ends with the link, that
-is with the supervisor.
+It reads the processes' reports and the supervisor's judgement from the bus, as any observer. The supervisor starts it,
+and it ends with the supervisor.
 """
 
 from __future__ import annotations
@@ -16,30 +16,35 @@ import socket
 import sys
 import time
 from contextlib import closing
-from dataclasses import dataclass, field
+from pathlib import Path
 from typing import get_args
 
 import msgspec
 
 import trocar.protocol.bodies as bodies
+from trocar.protocol import PROCESSES, topic
+from trocar.protocol.topics import JUDGEMENT_S
 from trocar.services.diagnosis.thread_usage import ThreadUsage
 from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.config.rig import Rig
-from trocar.services.runtime.process.process import listen_as
+from trocar.services.runtime.process.process import observe
 from trocar.services.runtime.realtime.autogroup import set_group_niceness
 from trocar.services.runtime.web.web_certificate import load_for
 from trocar.services.runtime.web.web_server import make_server, serve_until
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control
 from trocar.services.supervisor.page import dashboard
+from trocar.services.supervisor.page.helper import Lifeline
 from trocar.services.supervisor.page.metrics import Level, RigSource, registry
-from trocar.services.supervisor.page.page_link import STATUS_S, Heartbeat, Link, PageSetup, RigStatus
+from trocar.services.supervisor.page.page_place import PageFile, read_page_file
+from trocar.services.supervisor.page.rig_listener import JUDGEMENT, TOPICS, RigListener
 from trocar.services.supervisor.page.task_metrics import Task
 from trocar.services.supervisor.page.web import PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
+ATTEMPT = "training.attempt"
 #: Silence of the supervisor after which the page is marked as outdated.
-SILENT_S = 2.0
+SILENT_S = topic(JUDGEMENT).stale_after_s
 #: It needs a twentieth of a core and answers a person, so it precedes computing processes of the ordinary class.
 _NICE = -10
 #: Name of the supervisor, whose turns are measured like those of other processes.
@@ -47,95 +52,88 @@ OURS = "supervisor"
 _encoder = msgspec.json.Encoder()
 
 
-@dataclass
 class PageData:
-    """The page's data on the rig."""
+    """The page's data on the rig, all from the bus."""
 
-    rig: Rig
-    threads: ThreadUsage = field(default_factory=ThreadUsage)
-    status: RigStatus | None = None
-    task: Task = field(default_factory=Task)
-    heard: dict[str, dashboard.Heard] = field(default_factory=dict)
+    def __init__(self, rig: Rig) -> None:
+        names = [name for name in PROCESSES if rig.process(name).enabled]
+        self.rig = rig
+        self.listener = RigListener(rig.supervisor.window_s, names)
+        self.threads = ThreadUsage()
+        self.task = Task()
 
-    def hear_reports(self, bus: Bus) -> None:
-        """Receive the newest report of every process."""
-        if self.status is None:
-            return
-        if self.status.replay is not None and self.status.replay.attempt is not None:
-            self.task.attempt = self.status.replay.attempt
-        elif self.rig.process("training").enabled and (frame := bus.latest("training.attempt")) is not None:
-            self.task.see_attempt(frame.body)
-        for name in (*(process.name for process in self.status.state.processes), OURS):
-            heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
-            frame = bus.latest(f"{name}.health")
-            if frame is not None:
-                heard.take_report(frame.body)
-
-    def sample_threads(self, status: RigStatus) -> None:
-        """Look at the threads of the rig's processes, if that is due."""
-        pids = {process.name: process.pid for process in status.state.processes}
-        self.threads.sample(time.monotonic(), pids | {OURS: os.getppid()})
+    def hear_rig(self, bus: Bus) -> None:
+        """Receive the newest of every topic, and look at the threads of the rig's processes, if that is due."""
+        self.listener.hear_all(bus, time.monotonic())
+        told = self.listener.judgement
+        if told is not None and told.replay is not None and told.replay.attempt is not None:
+            self.task.attempt = told.replay.attempt
+        elif "training" in self.listener.heard and (attempt := bus.latest(ATTEMPT)) is not None:
+            self.task.see_attempt(attempt.body)
+        reports = self.listener.state.processes if self.listener.state is not None else ()
+        self.threads.sample(time.monotonic(), {each.name: each.pid for each in reports} | {OURS: os.getppid()})
 
     def healthy(self) -> tuple[bool, str]:
         """Return whether the rig works, with a description."""
-        if self.status is None:
+        state = self.listener.state
+        if state is None or self.listener.judgement is None:
             return False, "the supervisor has said nothing yet"
-        silent_s, state = time.monotonic() - self.status.said_s, self.status.state
-        if silent_s > SILENT_S:
+        if (silent_s := time.monotonic() - self.listener.judged_s) > SILENT_S:
             return False, f"the supervisor has said nothing for {silent_s:.1f} s"
-        reason = f": {state.reason}" if state.reason else ""
-        return state.state in _HEALTHY, f"{state.state}{reason}"
+        return state.state in _HEALTHY, f"{state.state}{f': {state.reason}' if state.reason else ''}"
+
+    def replays(self) -> bool:
+        """Return whether a recording is shown."""
+        told = self.listener.judgement
+        return told is not None and told.replay is not None
 
     def source(self) -> RigSource:
         """Return the data exported to Prometheus."""
-        if self.status is None:
+        state = self.listener.state
+        if state is None or self.listener.judgement is None:
             return RigSource(bodies.SupervisorState(state=RigState.OFF))
-        is_judged = time.monotonic() - self.status.said_s < SILENT_S
-        contracts = self.rig.contracts
-        return RigSource(self.status.state, self.reports(), self.threads.report(), is_judged, contracts, self.task)
+        is_judged = time.monotonic() - self.listener.judged_s < SILENT_S
+        reports, threads = self.listener.reports, self.threads.report()
+        return RigSource(state, reports, threads, is_judged, self.rig.contracts, self.task)
 
-    def reports(self) -> dict[str, bodies.Health]:
-        """Return the newest report of every process."""
-        return {name: one.health for name, one in self.heard.items() if one.health is not None}
+    def snapshot(self, scene: str) -> dashboard.DashboardSnapshot | None:
+        """Return what the page shows, None before the supervisor has said anything."""
+        state, told, heard = self.listener.state, self.listener.judgement, self.listener.heard
+        if state is None or told is None:
+            return None
+        return dashboard.snapshot(state, told, heard, self.rig, scene, self.threads.report(), self.task.attempt)
 
     def view_port(self) -> int:
         """Return the port of the picture, reported by its process if it was not configured."""
-        heard = self.heard.get("visualization")
+        heard = self.listener.heard.get("visualization")
         said = heard.health.gauges.get("view_port") if heard is not None and heard.health is not None else None
         return int(said) if said else self.rig.visualization.port
 
 
-def main(link_descriptor: int, socket_descriptor: int) -> int:
-    """Serve until the supervisor ends; return the exit code."""
+def main(place: Path, lifeline: Lifeline, sock: socket.socket) -> None:
+    """Serve until the supervisor ends."""
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
         set_group_niceness(_NICE)
-    link = Link(socket.socket(fileno=link_descriptor))
-    sock = socket.socket(fileno=socket_descriptor)
-    setup = link.wait(PageSetup)
-    if setup is None:
-        return 1
-    rig = Rig.model_validate_json(setup.rig)
-    _run(PageData(rig), setup, link, sock)
-    return 0
+    content = read_page_file(place)
+    page_data = PageData(Rig.model_validate_json(content.rig))
+    with closing(observe(page_data.rig, (ATTEMPT, *TOPICS))) as bus:
+        asyncio.run(_serve(_context(page_data, content), page_data, bus, lifeline, sock))
 
 
-def _run(page_data: PageData, setup: PageSetup, link: Link, sock: socket.socket) -> None:
-    """Serve until the supervisor ends."""
-    context = PageContext(
+def _context(page_data: PageData, content: PageFile) -> PageContext:
+    return PageContext(
         rig=page_data.rig,
-        scene=setup.scene,
+        scene=content.scene,
         registries={level: registry(page_data.source, level) for level in get_args(Level)},
         ask=lambda command: control.ask_rig(page_data.rig.transport, command),
-        replays=lambda: page_data.status is not None and page_data.status.replay is not None,
-        switches=setup.switches,
+        replays=page_data.replays,
+        switches=content.switches,
         healthy=page_data.healthy,
         view_port=page_data.view_port,
-        token=setup.token,
+        token=content.token,
         class_token=_class_token(page_data.rig),
     )
-    with closing(listen_as(OURS, page_data.rig)) as bus:
-        asyncio.run(_serve(context, page_data, bus, link, sock))
 
 
 def _class_token(rig: Rig) -> str:
@@ -146,35 +144,21 @@ def _class_token(rig: Rig) -> str:
     return ""
 
 
-async def _serve(context: PageContext, page_data: PageData, bus: Bus, link: Link, sock: socket.socket) -> None:
+async def _serve(context: PageContext, page_data: PageData, bus: Bus, lifeline: Lifeline, sock: socket.socket) -> None:
     server = make_server(build_app(context), load_for(context.rig), log_level="error")
-    await serve_until(server, sock, lambda: not _follow(context, page_data, bus, link), STATUS_S)
+    await serve_until(server, sock, lambda: not _follow(context, page_data, bus, lifeline), JUDGEMENT_S)
 
 
-def _follow(context: PageContext, page_data: PageData, bus: Bus, link: Link) -> bool:
+def _follow(context: PageContext, page_data: PageData, bus: Bus, lifeline: Lifeline) -> bool:
     """Update the page's data; return False once the supervisor has ended."""
-    try:
-        page_data.status = link.newest(RigStatus) or page_data.status
-    except ConnectionError:
+    if not lifeline.beat():
         context.closing = True
         return False
-    page_data.hear_reports(bus)
-    status = page_data.status
-    if status is not None:
-        page_data.sample_threads(status)
-        link.send(Heartbeat())
-        context.latest = _encoder.encode(
-            dashboard.snapshot(
-                status,
-                page_data.heard,
-                page_data.rig,
-                context.scene,
-                page_data.threads.report(),
-                page_data.task.attempt,
-            )
-        )
+    page_data.hear_rig(bus)
+    if (shown := page_data.snapshot(context.scene)) is not None:
+        context.latest = _encoder.encode(shown)
     return True
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]), int(sys.argv[2])))
+    main(Path(sys.argv[1]), Lifeline.of(int(sys.argv[2])), socket.socket(fileno=int(sys.argv[3])))

@@ -22,8 +22,8 @@ from trocar.services.runtime.config.rig import Transport
 from trocar.services.supervisor.control.supervisor import Supervisor
 from trocar.services.supervisor.crew.processes import ProcessSpec
 from trocar.services.supervisor.judge.state_machine import RigState
-from trocar.services.supervisor.page.linked_process import LinkedProcess
-from trocar.services.supervisor.page.page_link import PageSetup
+from trocar.services.supervisor.page.helper import Helper
+from trocar.services.supervisor.page.page_place import page_file
 
 _MODULE = "trocar.review.school"
 _SCHOOL = ProcessSpec("school", _MODULE)
@@ -37,26 +37,19 @@ def socket_path(transport: Transport) -> Path:
     return run_directory(transport) / "school.sock"
 
 
-class School:
+class School(Helper):
     """Starts the school's process once the rig has started, and again if it ends."""
 
-    def __init__(self, supervisor: Supervisor, setup: PageSetup, log_directory: Path) -> None:
+    def __init__(self, supervisor: Supervisor, log_directory: Path) -> None:
         self._supervisor = supervisor
-        self._process = LinkedProcess(_SCHOOL, log_directory / "school.log", setup, supervisor.say)
+        place = page_file(supervisor.rig.transport)
+        super().__init__(_SCHOOL, log_directory / "school.log", supervisor.say, place)
         self._is_there = supervisor.rig.replay is None and _is_installed()
-
-    def end(self) -> None:
-        """Let the process end, without waiting for it."""
-        self._process.end()
-
-    def close(self) -> None:
-        """End the process."""
-        self._process.close()
 
     def run_turn(self, now_s: float) -> None:
         """Keep the process running."""
         if self._is_there and self._supervisor.state is not RigState.STARTING:  # what starts with the rig delays it
-            self._process.run_turn(now_s)
+            super().run_turn(now_s)
 
 
 def _is_installed() -> bool:

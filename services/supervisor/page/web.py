@@ -23,12 +23,12 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 import trocar.protocol.bodies as bodies
+from trocar.protocol.topics import JUDGEMENT_S
 from trocar.services.runtime.config.rig import Rig
 from trocar.services.runtime.errors import BusError, ConfigError
 from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_files
 from trocar.services.runtime.web.web_host import KnownHost, host_of
 from trocar.services.supervisor.control.commands import Command, What
-from trocar.services.supervisor.page.page_link import STATUS_S
 from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.supervisor.page.school import pass_on, socket_path
 from trocar.services.training.scenario import scenario_names, scenario_of
@@ -167,7 +167,7 @@ class _Endpoints:
         yield b"retry: 1000\n\n"
         while not self._context.closing:
             yield b"event: state\ndata: " + self._context.latest + b"\n\n"
-            await asyncio.sleep(STATUS_S)
+            await asyncio.sleep(JUDGEMENT_S)
 
     async def rig(self, request: Request) -> Response:
         return JSONResponse(self._told(request))

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("soon")
 def test_a_page_that_hangs_or_ends_is_started_again(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, stopped_s: float, said: str
 ) -> None:
-    monkeypatch.setattr("trocar.services.supervisor.page.linked_process.SILENT_S", 1.0)
+    monkeypatch.setattr("trocar.services.supervisor.page.helper.SILENT_S", 1.0)
     monkeypatch.setattr("trocar.services.supervisor.crew.silence.HEARTBEAT_S", stopped_s)
 
     def scenario(supervisor: Supervisor) -> Scenario:

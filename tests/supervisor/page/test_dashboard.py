@@ -54,7 +54,7 @@ def test_how_late_the_supervisor_judged_is_shown() -> None:
     """Lately, and since it began: a turn of 30 ms is in the first report only."""
     bench = Bench(rig())
     assert _shown(bench)["judge"] is None
-    late, now = bench.heard.setdefault("supervisor", Heard.nothing(2.0)), loop_report(50)
+    late, now = bench.heard.setdefault("supervisor", Heard(2.0)), loop_report(50)
     for k, lateness_ns in enumerate([[30_000_000], [30_000_000, 400_000, 500_000]]):
         body = msgspec.structs.replace(now, ticks=50 + 50 * k, lateness=histogram(lateness_ns))
         late.take_report(health("supervisor", uptime_s=50.0 + k, loop=body))

@@ -22,8 +22,7 @@ from trocar.services.runtime.errors import BusError
 from trocar.services.supervisor.control.commands import Command
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page import command_socket as control_module
-from trocar.services.supervisor.page.command_socket import CommandSocket, ask_rig
-from trocar.services.supervisor.page.page_link import Link
+from trocar.services.supervisor.page.command_socket import CommandSocket, Link, ask_rig
 
 #: More than a supervisor needs between a command and the last moment for its answer.
 GIVES_UP_S = 1.4

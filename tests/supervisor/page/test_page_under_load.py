@@ -33,7 +33,7 @@ class Counting:
 
 @pytest.fixture
 def context(monkeypatch: pytest.MonkeyPatch) -> PageContext:
-    monkeypatch.setattr(web, "STATUS_S", 0.005)
+    monkeypatch.setattr(web, "JUDGEMENT_S", 0.005)
     return page()
 
 

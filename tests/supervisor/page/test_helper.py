@@ -9,21 +9,20 @@ from pathlib import Path
 from tests.patience import PATIENCE_S
 from trocar.services.supervisor.crew.processes import ProcessSpec
 from trocar.services.supervisor.crew.restart_policy import HELPER_BACKOFF_S, HELPER_RETRIES, MINUTE_S
-from trocar.services.supervisor.page.linked_process import LinkedProcess
-from trocar.services.supervisor.page.page_link import PageSetup
+from trocar.services.supervisor.page.helper import Helper
 
 
 def test_one_that_always_ends_is_started_some_times_and_then_once_a_minute(tmp_path: Path) -> None:
     said: list[str] = []
-    spec = ProcessSpec("helper", "json.tool")  # its argument, a descriptor, names no file: it ends at once
-    process = LinkedProcess(spec, tmp_path / "log", PageSetup("", "", ""), lambda _, text: said.append(text))
+    spec = ProcessSpec("helper", "json.tool")  # its first argument names no file: it ends at once
+    process = Helper(spec, tmp_path / "log", lambda _, text: said.append(text), tmp_path / "none")
     now_s, ended_s = 0.0, []
     for number in range(1, HELPER_RETRIES + 3):
         patient_until_s = time.monotonic() + PATIENCE_S
         while len(said) < number:
             assert time.monotonic() < patient_until_s
             process.run_turn(now_s)
-            if process.link is not None:
+            if process.is_running:
                 time.sleep(0.005)  # it is left to end, in no time of the rig's
             else:
                 now_s += 0.5
