@@ -7,7 +7,9 @@ by the force of the clip less what the wall resists, and slips at its friction.
 
 The plates stay parallel and turn with their section of the duct, not with the line between the two points of the wall:
 these move sideways under a plate, which does no work. So the pulls have a potential, their force times the distance of
-the points across the plates, and a clip gives out no more energy than it was closed with.
+the points across the plates, and a clip gives out no more energy than it was closed with. Where sections turn, a point
+beside the catheter comes nearer to a plate, or farther from it, by the plate's turn alone. That is part of the rows
+(`turn_plates`): what a leg bears beside the catheter has a moment, and the section bears it that turns the plate.
 """
 
 from __future__ import annotations
@@ -16,15 +18,18 @@ import math
 from typing import Annotated
 
 from trocar.services.mechanics.arrays import FloatArray, IntArray
+from trocar.services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from trocar.services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from trocar.services.mechanics.compiled import kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.compiled.vectors import (
     along,
     between,
+    cross,
     dot,
     put_row,
     row_of,
+    scaled,
     squared_distance,
     subtract,
     write_frame,
@@ -35,6 +40,7 @@ from trocar.services.mechanics.contact.laws import number_of
 from trocar.services.mechanics.contact.rows import NO_STONE
 from trocar.services.mechanics.contact.state import ContactState, state_at
 from trocar.services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_duct, put_on_rod
+from trocar.services.mechanics.reduction.large_rotations.warping_kernels import WarpedTube, tube_at, turn_rates
 
 _PULL, _PAD = number_of("pull"), number_of("unilateral")
 N_LEGS = 2
@@ -55,6 +61,7 @@ class Clip(Struct):
     towards: Annotated[FloatArray, N_LEGS, 3]  # unit vectors across the plates, to the other leg
     inward: Annotated[FloatArray, 3]  # along the duct
     row: Annotated[IntArray, N_LEGS]  # of each pad in this step, or `_NOT_THERE`
+    pull: Annotated[IntArray, N_LEGS]  # of each pull, likewise
     reach_m: float  # from its middle, within which what touches the duct is under it
     closing_n: float  # force of its spring once it is closed
     rate_n_s: float  # at which that force grows
@@ -83,12 +90,12 @@ def find_catheter(state_address: Address[ContactState], clip_address: Address[Cl
 def append_clip(state_address: Address[ContactState], clip_address: Address[Clip]) -> None:
     """Append pull and pad of both legs of a closed clip where the catheter passes it; else it lies open."""
     state, clip = state_at(state_address), clip_at(clip_address)
-    clip.row[:] = _NOT_THERE
+    clip.row[:] = clip.pull[:] = _NOT_THERE
     if not clip.is_closed or clip.segment == _NOT_THERE:
         return
     for leg in range(N_LEGS):
         clip.row[leg] = _append_leg(state, clip, (leg, False))
-        spring = _append_leg(state, clip, (leg, True))
+        clip.pull[leg] = spring = _append_leg(state, clip, (leg, True))
         if spring != NO_ROOM:
             state.rows.force_limit_n[spring] = clip.pull_n
             put_row(
@@ -140,6 +147,44 @@ def _append_leg(state: ContactState, clip: Clip, which: tuple[int, bool]) -> int
         clearance = subtract(vector(rows.point_m, row), vector(clip.rest_m, leg))
         rows.gap_m[row] = dot(normal, clearance) - wall.half_thickness
     return row
+
+
+@kernel
+def turn_plates(
+    state_address: Address[ContactState],
+    clip_address: Address[Clip],
+    wall_addresses: tuple[Address[WarpedTube], Address[DuctLoads]],
+    motion_m: FloatArray,
+) -> None:
+    """Add to the rows, and to ``motion_m`` (k, 3), how the distances across the plates change as these turn.
+
+    With p a leg's point of the wall, c the catheter's and n across the plate the distance is n . (c - p): a section
+    that turns by w changes it by (w x n) . (c - p) beyond the motion of both points. The rows are those of the step's
+    start, as its normals. ``motion_m`` receives the free motion.
+    """
+    state, clip, tube, duct = (
+        state_at(state_address),
+        clip_at(clip_address),
+        tube_at(wall_addresses[0]),
+        loads_at(wall_addresses[1]),
+    )
+    rows, node = state.rows, state.geometry.wall.triangles[clip.triangle[0], 0]
+    for row in range(rows.n_contacts):
+        put_row(motion_m, row, (0.0, 0.0, 0.0))
+    for leg in range(N_LEGS):
+        if clip.row[leg] < 0 or clip.pull[leg] < 0:
+            continue
+        normal, pad = vector(clip.towards, leg), clip.row[leg]
+        place = along(vector(clip.rest_m, leg), vector(duct.displacement, pad), 1.0)
+        rates = turn_rates(tube, node, cross(normal, subtract(place, vector(rows.point_m, pad))))
+        turned_m = 0.0
+        for mode in range(rates.shape[0]):
+            turned_m += rates[mode] * duct.free.change[mode]
+        for row in (pad, clip.pull[leg]):
+            put_row(motion_m, row, scaled(normal, turned_m))
+            for axis in range(3):
+                for mode in range(rates.shape[0]):
+                    duct.modes[3 * row + axis, mode] += normal[axis] * rates[mode]
 
 
 @kernel

@@ -9,7 +9,14 @@ from typing import Literal
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
-from trocar.services.mechanics.contact.clip_rows import N_LEGS, Clip, append_clip, find_catheter, follow_clip
+from trocar.services.mechanics.contact.clip_rows import (
+    N_LEGS,
+    Clip,
+    append_clip,
+    find_catheter,
+    follow_clip,
+    turn_plates,
+)
 from trocar.services.mechanics.contact.system import STRATEGIES
 from trocar.services.mechanics.effects.base import Effect, require_positive
 from trocar.services.mechanics.scene import SceneModel
@@ -66,7 +73,7 @@ class ClipEffect(Effect):
             raise ValueError("effects.clip: needs contact.model implicit, a penalty knows no constant force of a clip")
         self._state: Clip | None = None
         self._closes_along = np.zeros((1, 3))
-        self._flattened_m2 = math.nan
+        self._flattened_m2, self._turns, self._motion_m = math.nan, False, np.zeros((0, 3))
 
     def check_mesh(self, mesh: TriangleMesh) -> None:
         """Raise a ValueError if the duct has no wall on both sides at the clip's place."""
@@ -88,19 +95,38 @@ class ClipEffect(Effect):
             towards=np.stack([away, -away]),
             inward=section.inward.copy(),
             row=np.full(N_LEGS, -1, np.int32),
+            pull=np.full(N_LEGS, -1, np.int32),
             reach_m=section.reach_m,
             closing_n=settings.closing_force_n,
             rate_n_s=settings.closing_force_n / settings.closing_time_s,
             is_closed=settings.closes == "at_start",
         )
+        self._turns, self._motion_m = world.duct.reduced.warp is not None, np.zeros_like(world.duct.motion_m)
         lumen_m = section.radius_m - 0.5 * self.scene.duct.thickness_m
         self._flattened_m2 = settings.leg_width_m * math.pi * lumen_m
 
     def add_rows(self, world: World, dt_s: float) -> None:
         """Let the force of a closed clip grow, or end where the catheter has left it; append the rows of the legs."""
-        addresses = world.system.address, self.state.address
+        addresses, state = (world.system.address, self.state.address), self.state
+        if self._turns:
+            state.towards[0] = self._across(world)
+            state.towards[1] = -state.towards[0]
         self._change_pull(world, dt_s, is_passed=find_catheter(*addresses))
         append_clip(*addresses)
+
+    def add_motion(self, world: World, dt_s: float) -> None:
+        """Let the plates turn with the wall's sections in the rows of the legs."""
+        if self._turns and self.state.row[0] >= 0:
+            duct, k = world.duct, world.system.rows.n_contacts
+            wall, motion_m = (duct.sections[0], duct.loads_address), self._motion_m[:k]
+            turn_plates(world.system.address, self.state.address, wall, motion_m)
+            world.system.add_duct_motion(motion_m)
+
+    def _across(self, world: World) -> FloatArray:
+        """Return the unit vector (3,) across the plates to the other leg, where the sections were placed last."""
+        node = world.duct.reduced.mesh.triangles[self.state.triangle[:1], 0]
+        across: FloatArray = world.duct.turn_to_world(node, self._closes_along)[0]
+        return across
 
     def _change_pull(self, world: World, dt_s: float, *, is_passed: bool) -> None:
         state = self.state
@@ -119,9 +145,6 @@ class ClipEffect(Effect):
         """Follow the wall, and close where jaws squeeze the duct with the force of the clip."""
         state = self.state
         follow_clip(world.system.address, state.address, world.duct.displacement_m)
-        node = world.duct.reduced.mesh.triangles[state.triangle[:1], 0]
-        state.towards[0] = world.duct.turn_to_world(node, self._closes_along)
-        state.towards[1] = -state.towards[0]
         if not state.is_closed and state.segment >= 0 and state.squeezed_n >= state.closing_n:
             state.is_closed = True
 
@@ -166,7 +189,7 @@ class ClipEffect(Effect):
         state, surface_m = self.state, world.duct.surface_m()
         corners = world.duct.reduced.mesh.triangles[state.triangle]
         places_m = np.einsum("lc,lck->lk", state.weights, surface_m[corners])
-        return float(state.pull_n * state.towards[0] @ (places_m[1] - places_m[0]))
+        return float(state.pull_n * self._across(world) @ (places_m[1] - places_m[0]))
 
     @property
     def dissipated_j(self) -> float:

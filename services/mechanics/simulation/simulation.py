@@ -229,11 +229,12 @@ class Simulation:
     def _find_share(self, dt_s: float) -> float:
         """Return how much of the solved motion is sound, in whole shortest parts or eighths, whichever is more.
 
-        In eighths, because a motion of ever smaller shares would never end. None of a motion to an impossible state is.
+        In eighths, because a motion of ever smaller shares would never end. None of a motion to an impossible state is,
+        nor of one that has given out energy that was not there.
 
         Without prices nothing tells how deep bodies are at a share: all of it counts.
         """
-        if not self._healer.accepts():
+        if not (self._owes_nothing and self._healer.accepts()):
             return 0.0
         if not self.solver.prices:
             return 1.0

@@ -14,7 +14,7 @@ from trocar.services.mechanics.contact.laws import number_of
 from trocar.services.mechanics.contact.rows import NO_STONE
 from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
 from trocar.services.mechanics.simulation import Simulation
-from trocar.services.mechanics.simulation.scene_duct import check_scene_duct
+from trocar.services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes.duct_file import duct_file
 from trocar.services.training.site import read_site
@@ -194,6 +194,27 @@ def test_a_clip_that_is_dragged_about_gives_out_no_more_than_it_was_closed_with(
     assert abs(book.flow.imbalance_j) < 1e-6 * scale_j
     assert (np.maximum.accumulate(spent_j) - spent_j).max() < 0.01 * scale_j
     assert simulation.effects["clip"].given_j > 0.1 * scale_j
+
+
+def test_a_clip_on_a_wall_that_turns_gives_out_no_more_either(with_effects, cache_dir):
+    """Legs beside the catheter have a moment, which the section bears that turns the plates."""
+    clip = {"at_m": AT_M, "closing_force_n": CLOSING_N, "closing_time_s": 0.1}
+    scene = with_effects(clip=clip, friction={}, large_rotations={})
+    scene = replace(scene, duct=replace(scene.duct, youngs_modulus_pa=30e3))
+    simulation = Simulation(scene, build_scene_duct(scene, cache_dir))
+    book, spent_j, turned_rad, most_j = EnergyBook(simulation), [0.0], 0.0, 0.0
+    hold, state = Pull(simulation, 1e-3), simulation.effects["clip"].state
+    closes = state.towards[0].copy()
+    for tick in range(700):
+        around = 2.0 * np.pi * max(tick - 200, 0) / 250.0
+        hold.tools.position_m[1] = hold.at + 4e-3 * np.array([0.0, math.sin(around), 1.0 - math.cos(around)])
+        book.step(hold.tools)
+        spent_j.append(book.flow.input_j - book.flow.stored_j)
+        turned_rad = max(turned_rad, math.acos(min(float(closes @ state.towards[0]), 1.0)))
+        most_j = max(most_j, abs(book.flow.imbalance_j))
+    assert turned_rad > 0.1
+    assert most_j < 1e-3 * book.flow.input_j
+    assert (np.maximum.accumulate(spent_j) - spent_j).max() < 0.01 * book.flow.input_j
 
 
 def test_it_closes_by_jaws_only_when_these_squeeze_as_hard_as_it_will(with_effects, small_duct):

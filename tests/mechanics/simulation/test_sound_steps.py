@@ -106,6 +106,18 @@ def test_a_tick_without_work_left_withholds_all_of_its_time_and_moves_nothing(sm
     assert np.array_equal(simulation.catheter.state.position_m, line_m)
 
 
+def test_a_motion_that_owes_energy_does_not_happen_however_short_it_is(with_effects, small_duct, monkeypatch):
+    """Such a motion was accepted where it could not be divided any more: a drawn wall gained a fifth of its energy."""
+    scene = with_effects(nonlinear_membrane={"n_coordinates": 6})
+    simulation = Simulation(scene, small_duct)
+    press(simulation, 40)
+    q = simulation.duct.state.q.copy()
+    monkeypatch.setattr(type(simulation.duct.terms), "is_settled", False)
+    simulation.step(ToolInputs())
+    assert simulation.withheld_s == pytest.approx(1e-3)
+    assert np.array_equal(simulation.duct.state.q, q)
+
+
 def test_a_wall_whose_loads_press_it_through_the_catheter_begins_beside_it(small_scene, small_duct):
     """It began in equilibrium with the loads, beyond the catheter, and no step could bring it back."""
     simulation = Simulation(small_scene, small_duct)

@@ -8,7 +8,7 @@ from typing import Annotated
 from trocar.services.mechanics.arrays import FloatArray, IntArray
 from trocar.services.mechanics.compiled import kernel, summing_kernel
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
-from trocar.services.mechanics.compiled.vectors import copy_rows
+from trocar.services.mechanics.compiled.vectors import Vector, copy_rows
 
 
 class WarpedTube(Struct):
@@ -256,6 +256,22 @@ def node_rows(address: Address[WarpedTube], nodes: IntArray, extra: FloatArray, 
         _turn_of_arm(A, vector, moved)
         _add_rotated(moved, between, out[index])
         _add_rotated(R, local[node], out[index])
+
+
+@kernel
+def turn_rates(tube: WarpedTube, node: int, axis: Vector) -> FloatArray:
+    """Return the rotation rate of a node's section about an axis per rate of each coordinate (r,), which is scratch."""
+    out: FloatArray = tube.between[0]
+    A, turn = tube.small[3:6], tube.small[6]
+    k, t, modes = tube.segment[node], tube.fraction[node], tube.turn_modes
+    interpolate_turn(tube.turn, k, t, turn)
+    left_jacobian(turn, A)
+    out[:] = 0.0
+    for i in range(3):
+        about = axis[0] * A[0, i] + axis[1] * A[1, i] + axis[2] * A[2, i]
+        for mode in range(out.shape[0]):
+            out[mode] += about * ((1.0 - t) * modes[k, i, mode] + t * modes[k + 1, i, mode])
+    return out
 
 
 @kernel

@@ -51,7 +51,9 @@ def change_pattern(
     lagging: tuple[FloatArray, FloatArray],
     dt_s: float,
 ) -> float:
-    """Follow the contact forces of a step, at its end, and return by how much the wall's energy falls thereby.
+    """Follow the contact forces of a step, at its end, and return by how much the energy of the terms falls thereby.
+
+    What lags changes as well, and has no part in that: its energy is known from its state at any time.
 
     Args:
         loads: (nodes (l,), forces (l, 3)). Contact forces on the wall.
@@ -126,18 +128,19 @@ def _try_candidate(wall: WallStep, new: Pattern, lagging: tuple[FloatArray, Floa
     """Adopt the new pattern if there is energy for it, or of a stiffening one the part that there is energy for."""
     old = wall.pattern
     new.faded[0] = old.faded[0]
-    before = _own_energy(wall, old, lagging)
-    affordable = before + wall.books[TANK] + CREDIT_J
-    after = _own_energy(wall, new, lagging)
-    if after > affordable:
-        new.numbers[PART] = 0.0
-        without = _own_energy(wall, new, lagging)
+    before, lagged = _own_energy(wall, old, lagging)
+    affordable = before + lagged + wall.books[TANK] + CREDIT_J
+    after, lags = _own_energy(wall, new, lagging)
+    if after + lags > affordable:
+        most, new.numbers[PART] = after + lags, 0.0
+        after, lags = _own_energy(wall, new, lagging)
+        without = after + lags
         if affordable < without:
             return 0.0
-        new.numbers[PART] = (affordable - without) / (after - without)
-        after = _own_energy(wall, new, lagging)
+        new.numbers[PART] = (affordable - without) / (most - without)
+        after, lags = _own_energy(wall, new, lagging)
     copy_pattern(new, old)
-    _adopt(wall, lagging[0], before - after)
+    _adopt(wall, lagging[0], before + lagged - after - lags)
     return before - after
 
 
@@ -145,13 +148,13 @@ def _try_candidate(wall: WallStep, new: Pattern, lagging: tuple[FloatArray, Floa
 def _try_to_forget(wall: WallStep, lagging: tuple[FloatArray, FloatArray]) -> float:
     """Drop the pattern of an unloaded wall that has returned to rest."""
     pattern, gain = wall.pattern, wall.pattern.numbers[GAIN]
-    before = _own_energy(wall, pattern, lagging)
+    before, lagged = _own_energy(wall, pattern, lagging)
     pattern.numbers[GAIN] = 0.0
-    after = _own_energy(wall, pattern, lagging)
-    if after > before + max(wall.books[TANK], 0.0) + 2.0 * CREDIT_J:
+    after, lags = _own_energy(wall, pattern, lagging)
+    if after + lags > before + lagged + max(wall.books[TANK], 0.0) + 2.0 * CREDIT_J:
         pattern.numbers[GAIN] = gain
         return 0.0
-    _adopt(wall, lagging[0], before - after)
+    _adopt(wall, lagging[0], before + lagged - after - lags)
     return before - after
 
 
@@ -164,8 +167,8 @@ def _adopt(wall: WallStep, q: FloatArray, fell: float) -> None:
 
 
 @kernel
-def _own_energy(wall: WallStep, pattern: Pattern, lagging: tuple[FloatArray, FloatArray]) -> float:
-    """Return the energy that hangs on the pattern: its own, the polynomial's, and what lags of its own."""
+def _own_energy(wall: WallStep, pattern: Pattern, lagging: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
+    """Return the energy that hangs on the pattern, its own and the polynomial's, and that of what lags of its own."""
     q, d = lagging
     gain, polynomial = pattern.numbers[GAIN], wall.polynomial
     s = _along(wall, pattern, q, 0.0, q) if gain != 0.0 else 0.0
@@ -174,12 +177,12 @@ def _own_energy(wall: WallStep, pattern: Pattern, lagging: tuple[FloatArray, Flo
     for i in range(x.shape[0]):
         own = polynomial.coordinates[i]
         x[i] = q[own] - following_share(wall, pattern, own) * s
-    total = pattern_energy(pattern, s) + polynomial_energy(polynomial, x)
+    lags = 0.0
     for term in range(wall.g.shape[0]):
         if gain != 0.0:
             behind = _along(wall, pattern, d[term], 1.0, wall.lag[term])
-            total += (1.0 - pattern.faded[0]) * wall.g[term] * conjugate(pattern, behind)
-    return total
+            lags += (1.0 - pattern.faded[0]) * wall.g[term] * conjugate(pattern, behind)
+    return pattern_energy(pattern, s) + polynomial_energy(polynomial, x), lags
 
 
 @kernel
