@@ -71,7 +71,7 @@ def solve_passively(
 ) -> int:
     """Solve as `solve_contacts`, again with less recovery if contacts add too much energy; return the number of sweeps.
 
-    Each solve leaves half of the work to those after it.
+    Each solve leaves a part of the work to those after it.
 
     ``tools_and_step`` is (tools, length of the step in s).
     """
@@ -79,18 +79,18 @@ def solve_passively(
     _begin_solve(ledger, tools_and_step[0], tools_and_step[1])
     if ledger.contact_time_s < START_UP_S:
         ledger.contact_time_s += tools_and_step[1]
-        return _solve_in_half(problem, W, effort)
+        return _solve_in_part(problem, W, effort)
     touches_tool = rows.tool[: rows.n_contacts].max() != NO_TOOL
     credit_j = max(CREDIT * ledger.max_hand_work_j - ledger.debt_j, SLACK_J) if touches_tool else SLACK_J
     is_limited = limit_recovery(rows, ledger.budget_j + credit_j, problem.free)
-    sweeps = _solve_in_half(problem, W, effort)
+    sweeps = _solve_in_part(problem, W, effort)
     excess_j = _excess_j(problem, tools_and_step)
     for attempt in range(2):
         budget_j = BUDGET_SHARE * max(recovery_work_j(rows) - excess_j, 0.0) + credit_j if attempt == 0 else 0.0
         if excess_j <= credit_j or not limit_recovery(rows, budget_j, problem.free):
             break
         is_limited = True
-        sweeps += _solve_in_half(problem, W, effort)
+        sweeps += _solve_in_part(problem, W, effort)
         excess_j = _excess_j(problem, tools_and_step)
     ledger.budget_j = BUDGET_SHARE * max(recovery_work_j(rows) - excess_j, 0.0) if is_limited else math.inf
     ledger.debt_j = max(ledger.debt_j + excess_j - SLACK_J, 0.0)
@@ -98,8 +98,8 @@ def solve_passively(
 
 
 @kernel
-def _solve_in_half(problem: ContactProblem, W: FloatArray, effort: tuple[int, float]) -> int:
-    """Solve as `solve_contacts` with half of the work that is left, because more solves may follow."""
+def _solve_in_part(problem: ContactProblem, W: FloatArray, effort: tuple[int, float]) -> int:
+    """Solve as `solve_contacts` with a part of the work that is left, because more solves may follow."""
     kept = set_aside(problem, UNBOUNDED)
     sweeps = solve_contacts(problem, W, effort)
     problem.products_left += kept

@@ -12,6 +12,10 @@ from trocar.services.mechanics.compiled.vectors import row as vector
 from trocar.services.mechanics.contact.admissible import closed_axes, relax, slides
 from trocar.services.mechanics.contact.problem import ContactProblem, move_by
 
+#: Of the work that is left, what a solve may take if others may follow: most often none does, and what is cut short is
+#: worth little. With a half, solves of 190 to 200 contacts were cut in each tick, and with this most of them end.
+FIRST_SHARE = 0.75
+
 
 @kernel
 def sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
@@ -41,9 +45,9 @@ def can_sweep(problem: ContactProblem) -> bool:
 
 @kernel
 def set_aside(problem: ContactProblem, most: float) -> float:
-    """Leave half of the work to a stage, ``most`` products at most; return what is set aside for what comes later."""
+    """Leave a part of the work to a stage, ``most`` products at most; return what is set aside for what comes later."""
     left = problem.products_left
-    problem.products_left = min(0.5 * left, most)
+    problem.products_left = min(FIRST_SHARE * left, most)
     return left - problem.products_left
 
 

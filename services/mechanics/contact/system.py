@@ -175,7 +175,7 @@ class ContactSystem:
 
     def clear_forces(self) -> None:
         """Clear the memory of forces, because nothing touches."""
-        self.sweeps = 0
+        self.sweeps, self._state.problem.is_cut = 0, False
         self._state.memory.n_contacts = 0
         self._state.memory.are_sliding[:] = False
         self._state.ledger.contact_time_s = START_UP_S

@@ -56,9 +56,14 @@ class Pricing:
             self._touched = self._world.catheter.touched
 
     def finds_violations(self) -> bool:
-        """Return whether a candidate without a row ends too deep; the places are known until they are forgotten."""
+        """Return whether a candidate without a row ends too deep; the places are known until they are forgotten.
+
+        Not those of a solve that was cut short: it leads the bodies to places where the solution does not.
+        """
         if self.is_off or self._search.price(self._world.system, self.tolerance_m, self._pairs) == 0:
             return False
+        if self._world.system.is_cut:
+            return True
         known = self._known
         if known.count + self._pairs.count > MOST_KNOWN:
             known.clear()
@@ -179,8 +184,8 @@ class StepSolver:
         self._apply()
         for _ in range(MAX_PRICINGS):
             self.charge_looks(1)
-            if not pricing.finds_violations():
-                return not (system.rows.n_contacts and system.is_cut)
+            if not pricing.finds_violations() or system.is_cut:
+                return not system.is_cut
             if not (self._affords_another() and system.rows.has_room):  # without room it is repeated in halves
                 return False
             if pricing.return_with_new_rows():

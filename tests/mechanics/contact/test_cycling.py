@@ -6,7 +6,7 @@ import pytest
 from trocar.services.mechanics.contact.laws import number_of
 from trocar.services.mechanics.contact.problem import UNBOUNDED, ContactProblem
 from trocar.services.mechanics.contact.rows import KEPT, ContactRows
-from trocar.services.mechanics.contact.solver import CYCLING, MOTION_TOLERANCE_M, solve_contacts
+from trocar.services.mechanics.contact.solver import MOTION_TOLERANCE_M, solve_contacts
 from trocar.services.mechanics.contact.stages import write_results
 from trocar.services.mechanics.contact.writer import append_row
 
@@ -42,6 +42,7 @@ class Wedged:
         allowed = problem.products_left
         self.sweeps = solve_contacts(problem, self.W, (30, TOLERANCE_N))
         self.work_sweeps = (allowed - problem.products_left) / (k * k)
+        self.took_turns = bool((self.rows.pressure_n <= KEPT).any())
         write_results(self.rows, self.slides, np.zeros_like(self.rows.force_n))
         self.force, self.motion = self.rows.force_n, problem.motion.reshape(-1, 3)
 
@@ -66,7 +67,7 @@ SMALL = 16, np.geomspace(1.0, 0.02, 20)
 def test_what_does_not_end_by_coulombs_law_ends_with_friction_and_without_overlap(shape, mu):
     """Up to millimetres were left, of a tenth of one, when such solves were broken off after a hundred sweeps."""
     every = [Wedged(seed, *shape, mu) for seed in range(10)]
-    cycled = [each for each in every if each.work_sweeps > CYCLING]
+    cycled = [each for each in every if each.took_turns]
     for each in cycled:
         each.check_law(mu)
         assert np.hypot(each.force[:, 1], each.force[:, 2]).sum() > 0.05 * each.force[:, 0].sum()
@@ -78,7 +79,7 @@ def test_friction_of_a_solve_that_cycles_is_nearly_that_of_the_forces_it_began_w
     for seed in range(10):
         first = Wedged(seed, *NARROW, 1.0)
         again = Wedged(seed, *NARROW, 1.0, first.force.copy())
-        if min(first.work_sweeps, again.work_sweeps) > CYCLING:
+        if first.took_turns and again.took_turns:
             again.check_law(1.0)
             rubs = [np.hypot(each.force[:, 1], each.force[:, 2]).sum() for each in (first, again)]
             assert rubs[1] > 0.7 * rubs[0]
@@ -91,7 +92,7 @@ MANY = 150, np.geomspace(1.0, 0.03, 160)
 def test_many_contacts_with_much_friction_end_too(seed):
     """Half a second went by in each of these, in one tick."""
     solved = Wedged(seed, *MANY, 2.0)
-    assert solved.work_sweeps > CYCLING
+    assert solved.took_turns
     solved.check_law(2.0)
 
 
@@ -110,6 +111,6 @@ def test_a_solve_that_is_cut_short_takes_no_more_work_with_forces_in_their_laws_
 
 
 def test_more_work_leaves_less_overlap():
-    deepest_m = [-Wedged(0, *MANY, 0.3, most_sweeps=most).motion[:, 0].min() for most in (10, 100, 1000)]
+    deepest_m = [-Wedged(0, *MANY, 0.3, most_sweeps=most).motion[:, 0].min() for most in (10, 30, 100)]
     assert deepest_m[0] > deepest_m[1] > deepest_m[2]
     assert deepest_m[2] < MOTION_TOLERANCE_M

@@ -352,3 +352,19 @@ def test_only_the_looks_that_were_made_are_charged(small_scene, small_duct):
     simulation._move(ToolInputs(position_m=simulation.tools.hand[:, :3].copy()), 1e-3)
     assert simulation._motion_share.find(30e-6, 1.0) == 1.0
     assert simulation._motion_share.looks == 2
+
+
+def test_places_that_a_solve_cut_short_leads_to_get_no_rows(small_scene, small_duct, monkeypatch):
+    """Worlds in which no solve ended found 24 such places in each tick, until the table was full of their rows."""
+    simulation = Simulation(small_scene, small_duct)
+    pricing, problem = simulation.solver.pricing, simulation.system._state.problem
+
+    def price(_system, _tolerance_m, pairs):
+        pairs.count = 3
+        return 3
+
+    monkeypatch.setattr(simulation.search, "price", price)
+    for is_cut, n_known in ((True, 0), (False, 3)):
+        problem.is_cut = is_cut
+        assert pricing.finds_violations()
+        assert pricing.n_known == n_known
