@@ -52,6 +52,7 @@ from trocar.services.mechanics.contact.price import (
     write_depths,
     write_violations,
 )
+from trocar.services.mechanics.contact.rolling import follow_rolling
 from trocar.services.mechanics.contact.spheres import Spheres
 from trocar.services.mechanics.contact.state import ContactState, state_at
 from trocar.services.mechanics.contact.system import STRATEGIES, ContactSystem
@@ -183,7 +184,7 @@ class CandidateSearch:
         return self._depths_m
 
     def update_working_set(self, state: Address[ContactState]) -> None:
-        """Age the working set by a step, and renew the features whose contacts carried a force in it."""
+        """Age the working set by a step, and renew the places whose contacts carried a force in it."""
         update_working_set(self._arrays.address, state)
 
     def count_layers(self, system: ContactSystem, tools: BoolArray, out: LayersOut, fewer: float) -> None:
@@ -200,7 +201,7 @@ class CandidateSearch:
 
     def forget(self) -> None:
         """Clear the working set, because bodies have been put elsewhere."""
-        self._arrays.working.life[:], self._arrays.working.n_members = 0, 0
+        self._arrays.working.places[:], self._arrays.working.n_members = 0, 0
         self._arrays.known.is_new, self._arrays.is_measured = True, False
         self._arrays.capsules.reset()
 
@@ -305,11 +306,13 @@ def write_pairs(
     """Append the chosen candidates, and all pairs with the catheter within the margin, and engage tools."""
     search, geometry, pairs = search_at(address), state_at(state_address).geometry, pairs_at(pairs_address)
     tools, rod = geometry.tools, geometry.rod
-    write_chosen(search.found, search.working, (0, N_TOOL_PIECES), pairs)
+    found, working, chosen = search.found, search.working, (0, N_TOOL_PIECES)
+    follow_rolling(found, working, (search.start, search.start_wall.position), search.known.list.clusters.triangles)
+    write_chosen(found, working, chosen, pairs)
     poses = tools.segments, tools.radius, tools.present
     sizes, spheres = (rod.radius, search.margin_m), geometry.spheres
     detect_capsules(search.capsules, pairs, poses, rod.position, sizes)
-    write_chosen(search.found, search.working, (N_TOOL_PIECES, search.ahead.shape[0]), pairs)
+    write_chosen(found, working, (N_TOOL_PIECES, search.ahead.shape[0]), pairs)
     detect_strands(search.capsules, pairs, rod.position, sizes)
     bodies = spheres.start, spheres.motion, spheres.radius
     detect_spheres(search.capsules, pairs, bodies, spheres.count, rod.position, sizes)
@@ -340,7 +343,7 @@ def count_layers_of(
 
 @kernel
 def update_working_set(address: Address[SearchArrays], state_address: Address[ContactState]) -> None:
-    """Age the working set by a step, and renew the features whose contacts carry a normal force."""
+    """Age the working set by a step, and renew the places whose contacts carry a normal force."""
     working, rows = search_at(address).working, state_at(state_address).rows
     age_members(working, rows.dt_s)
     for at in range(rows.n_contacts):
@@ -348,5 +351,5 @@ def update_working_set(address: Address[SearchArrays], state_address: Address[Co
         is_wall = identity >= 0 and HAS_GAP[rows.law[at]]
         if is_wall and part_of(identity, TARGET_KIND) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
             p = piece_of(rows, at)
-            if 0 <= p < working.life.shape[0]:
-                renew_member(working, p, part_of(identity, TARGET))
+            if 0 <= p < working.places.shape[0]:
+                renew_member(working, p, part_of(identity, TARGET), row(rows.duct_weight, at))

@@ -44,14 +44,27 @@ TOOL_RECOVERY_M_S = 0.1
 def effective_gap(rows: ContactRows, row: int, recovery: float, dt_s: float) -> float:
     """Return the gap (m) that the law of a row constrains: the distance, or the recovered part of an overlap.
 
-    An overlap at the start of the step is a linearisation error of the last tick. Only the fraction ``recovery`` of it
-    is recovered per millisecond, and at a bounded speed, because no force has caused this motion.
+    The fraction ``recovery`` of an overlap is recovered per millisecond. What is beyond ``sunk_m`` no force has made:
+    an error of linearisation, or what was there before the contact. It is recovered at a bounded speed.
     """
     gap: float = rows.gap_m[row] + rows.rest_offset_m[row]
     if gap > 0.0:
         return gap
     fastest = RECOVERY_M_S if rows.tool[row] == NO_TOOL else TOOL_RECOVERY_M_S
-    return max(min(recovery * (dt_s * 1e3), 1.0) * gap, -fastest * dt_s)
+    share, sunk = min(recovery * (dt_s * 1e3), 1.0), min(rows.sunk_m[row], -gap)
+    return float(-share * sunk - min(share * (-gap - sunk), fastest * dt_s))
+
+
+@inlined_kernel
+def sunk_at_end(rows: ContactRows, row: int) -> float:
+    """Return how far (m) the force of a row has pressed its surfaces into each other by the end of the step.
+
+    They are a spring beside a damper (Kelvin-Voigt): the force adds its creep, and a part of what was there relaxes. At
+    rest it depends on the force alone.
+    """
+    if not HAS_GAP[rows.law[row]]:
+        return 0.0
+    return float((1.0 - rows.relaxed) * rows.sunk_m[row] + rows.softness_m_n[row, 0] * rows.force_n[row, 0])
 
 
 @kernel
@@ -59,8 +72,10 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
     """Write the free motion u_free, in the contacts' frames, into ``out`` (3 k,), in m.
 
     Along the tangents it is the slip plus the elastic slip at the start. Along the normal, if the law has a gap, it is
-    the gap at the end of the step, with `effective_gap` and the row's correction for the gap at the start.
+    the gap at the end of the step, with `effective_gap` and the row's correction for the gap at the start. What a force
+    has pressed is no more than the overlap that is left.
     """
+    rows.relaxed = min(recovery * (dt_s * 1e3), 1.0)
     for row in range(rows.n_contacts):
         slip = in_frame(rows, row, vector(rows.slip_m, row))
         for axis in range(3):
@@ -70,5 +85,6 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
             out[3 * row + axis] = total
         rows.effective_gap_m[row] = 0.0
         if HAS_GAP[rows.law[row]]:
+            rows.sunk_m[row] = min(rows.sunk_m[row], max(-rows.gap_m[row] - rows.rest_offset_m[row], 0.0))
             rows.effective_gap_m[row] = effective_gap(rows, row, recovery, dt_s) + rows.correction_m[row]
         out[3 * row] += rows.effective_gap_m[row]

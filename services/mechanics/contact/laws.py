@@ -34,8 +34,8 @@ class Law:
 
 # Polished surfaces of a few square millimetres give way by 1 um/N.
 SURFACE_SOFTNESS_M_N = 1e-6
-# Surfaces creep by 5 um/N at most, in about 5 ms, because a fraction of the overlap per time is recovered
-# (`free_motion.effective_gap`): a damper parallel to a spring (Kelvin-Voigt), independent of the step.
+# Surfaces creep by 5 um/N at most, in about 5 ms, because a fraction of that per time is recovered
+# (`free_motion.sunk_at_end`): a damper parallel to a spring (Kelvin-Voigt), independent of the step.
 CREEP_M_S_N = 1e-3
 # Compliance of the jaws' pads and the catheter's wall; it keeps rounding from stressing points that are held twice.
 GRIP_SOFTNESS_M_N = 1e-4

@@ -7,6 +7,9 @@ step dissipates: rows with little work recover fully, the others up to an equal 
 budget that the last one could have had, so that jaws shut on a wall need one solve only. If this is still too much,
 because other contacts bear the load then, nothing is recovered, and the solution of the laws alone is passive.
 
+What a row's own force has pressed its surfaces into each other is no such overlap. They have taken that work, store a
+part of it, and give it back. It is in the books and is never limited: surfaces that may not relax creep under a load.
+
 Jaws at rest would keep their last micrometres of overlap for ever, which is an error of one per cent in a force. So
 while a tool touches something there is a small credit, a fraction of the recent work of the hands, which friction and
 impacts repay. A catheter left alone has none: it would be set swinging for seconds.
@@ -26,6 +29,7 @@ from trocar.services.mechanics.collision.pairs import NO_TOOL
 from trocar.services.mechanics.compiled import inlined_kernel, kernel
 from trocar.services.mechanics.compiled.struct import Struct
 from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.free_motion import sunk_at_end
 from trocar.services.mechanics.contact.laws import HAS_FRICTION, HAS_GAP
 from trocar.services.mechanics.contact.problem import UNBOUNDED, ContactProblem
 from trocar.services.mechanics.contact.rows import ContactRows, in_frame
@@ -160,13 +164,14 @@ def coupling_dissipation_j(rows: ContactRows, tools: ToolArrays, dt_s: float) ->
 
 @inlined_kernel
 def contact_work_j(problem: ContactProblem) -> float:
-    """Return the work (J) that contacts between surfaces do on the bodies and on the springs of their friction."""
+    """Return the work (J) that contacts do on the bodies, on their surfaces and on the springs of their friction."""
     rows, motion, total = problem.rows, problem.motion, 0.0
     for row in range(rows.n_contacts):
         force = rows.force_n[row]
         if not HAS_GAP[rows.law[row]] or force[0] == 0.0:
             continue
         total += force[0] * (motion[3 * row] - rows.softness_m_n[row, 0] * force[0] - rows.effective_gap_m[row])
+        total += _stored_more_j(rows, row)
         total -= rows.friction_energy_j[row]
         started = in_frame(rows, row, vector(rows.elastic_m, row))
         for axis in range(1, 3):
@@ -182,14 +187,15 @@ def limit_recovery(rows: ContactRows, budget_j: float, free: FloatArray) -> bool
     """Limit the recovery of overlaps so that the present forces do at most the work ``budget_j`` (J).
 
     Return whether any recovery is limited. With a budget of zero nothing is recovered, not even where no force acts
-    yet. A correction is no recovery: with it the true gap stays as it is, and the force does no work. ``free`` (3 k,)
-    is the motion without contact forces, as `free_motion` has written it; it is updated.
+    yet. A correction is no recovery: with it the true gap stays as it is, and the force does no work. Nor is what the
+    surfaces relax of what their own force has pressed. ``free`` (3 k,) is the motion without contact forces, as
+    `free_motion` has written it; it is updated.
     """
     if 0.0 < budget_j >= recovery_work_j(rows):
         return False
     row_limit_j = _row_work_limit_j(rows, budget_j)
     for row in range(rows.n_contacts):
-        work, recovered_m = _row_recovery_work_j(rows, row), rows.effective_gap_m[row] - rows.correction_m[row]
+        work, recovered_m = _row_recovery_work_j(rows, row), _recovered_m(rows, row)
         if recovered_m < 0.0 and (work > row_limit_j or budget_j == 0.0):
             less_m = (1.0 - (row_limit_j / work if work > 0.0 else 0.0)) * recovered_m
             rows.effective_gap_m[row] -= less_m
@@ -211,7 +217,20 @@ def _row_recovery_work_j(rows: ContactRows, row: int) -> float:
     """Return the work (J) of a row over the recovery of its overlap."""
     if not HAS_GAP[rows.law[row]]:
         return 0.0
-    return float(-max(rows.force_n[row, 0], 0.0) * min(rows.effective_gap_m[row] - rows.correction_m[row], 0.0))
+    return float(-max(rows.force_n[row, 0], 0.0) * min(_recovered_m(rows, row), 0.0))
+
+
+@kernel
+def _recovered_m(rows: ContactRows, row: int) -> float:
+    """Return what the law of a row constrains (m) beyond corrections and the relaxation of what its force has made."""
+    return float(rows.effective_gap_m[row] - rows.correction_m[row] + rows.relaxed * rows.sunk_m[row])
+
+
+@inlined_kernel
+def _stored_more_j(rows: ContactRows, row: int) -> float:
+    """Return the energy (J) that the pressed surfaces of a row store more at the end of the step than at its start."""
+    start, end = rows.sunk_m[row], sunk_at_end(rows, row)
+    return float(0.5 * rows.relaxed / rows.softness_m_n[row, 0] * (end * end - start * start))
 
 
 @inlined_kernel

@@ -34,6 +34,7 @@ class ContactRows(Struct):
     gap_m: Annotated[FloatArray, "c"]  # distance of the surfaces at the start of the step
     rest_offset_m: Annotated[FloatArray, "c"]  # overlap up to which there is no force
     correction_m: Annotated[FloatArray, "c"]  # what the step ends deeper than linear motion predicts, see `price`
+    sunk_m: Annotated[FloatArray, "c"]  # how far its force has pressed the surfaces into each other, see `free_motion`
     effective_gap_m: Annotated[FloatArray, "c"]  # that the laws constrain: the gap, or the recovered part of an overlap
     slip_m: Annotated[FloatArray, "c", 3]  # relative motion over the step without contact forces, along world axes
     elastic_m: Annotated[FloatArray, "c", 3]  # elastic slip at its start, along world axes, see `store_anchors`
@@ -54,6 +55,7 @@ class ContactRows(Struct):
     n_contacts: int = 0
     dropped: int = 0  # rows that exceeded the capacity since the start
     dt_s: float = 1e-3  # length of the step, for laws that depend on speeds
+    relaxed: float = 0.0  # share of an overlap that the step takes back
     reserved: int = 0  # rows for holds, which come last: a hold without a row would stretch without a force
 
     @property

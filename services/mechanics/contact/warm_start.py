@@ -17,6 +17,7 @@ from trocar.services.mechanics.compiled import inlined_kernel, kernel
 from trocar.services.mechanics.compiled.struct import Struct
 from trocar.services.mechanics.compiled.vectors import along, dot, put_row, row_of, squared_distance, subtract
 from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.free_motion import sunk_at_end
 from trocar.services.mechanics.contact.identity import without_target
 from trocar.services.mechanics.contact.laws import HAS_FRICTION
 from trocar.services.mechanics.contact.problem import ContactProblem
@@ -33,6 +34,7 @@ class ForceMemory(Struct):
     elastic_m: Annotated[FloatArray, "c", 3]
     place_m: Annotated[FloatArray, "c", 3]  # on the undeformed wall; zero for contacts without the wall
     slid_m: Annotated[FloatArray, "c"]  # see `sliding`
+    sunk_m: Annotated[FloatArray, "c"]  # see `free_motion`
     are_sliding: Annotated[BoolArray, 2 * N_BODIES]  # whether two bodies slide on each other
     pressed_n: Annotated[FloatArray, 2 * N_BODIES]  # scratch: normal forces between them
     sliding_n: Annotated[FloatArray, 2 * N_BODIES]
@@ -95,7 +97,7 @@ def _recall(memory: ForceMemory, rows: ContactRows, row: int, old: int) -> bool:
     if old < 0:
         return False
     memory.taken[old] = True
-    rows.slid_m[row] = memory.slid_m[old]
+    rows.slid_m[row], rows.sunk_m[row] = memory.slid_m[old], memory.sunk_m[old]
     put_row(rows.elastic_m, row, vector(memory.elastic_m, old))
     last = vector(memory.force_n, old)
     put_row(memory.last_n, row, last)
@@ -123,6 +125,7 @@ def store_forces(memory: ForceMemory, rows: ContactRows, forces: FloatArray, ver
         at_rest = place_at_rest(vertices_m, rows.duct_node, row, vector(rows.duct_weight, row))
         put_row(memory.place_m, row, at_rest)
         put_row(memory.force_n, row, force)
+        memory.sunk_m[row] = sunk_at_end(rows, row)
         memory.identity[row] = rows.identity[row]
     memory.is_smooth = error_2 < SMOOTH * change_2 and largest_2 > memory.least_change_n**2
 

@@ -3,8 +3,9 @@
 A candidate gets a row if it touches or soon may; pricing finds those that come to touch within the step. Candidates are
 chosen by increasing clearance (the gap plus the indentation by jaws), members of the set first. A candidate whose
 position on the undeformed wall and normal are near those of a chosen one of the same body, and that is no deeper, is a
-duplicate and gets no row. Members are the features (piece and triangle) whose contacts carried a force within
-`LIFE_STEPS` steps.
+duplicate and gets no row. Members are the places, each on a feature (piece and triangle), whose contacts carried a
+force within `LIFE_STEPS` steps. A piece along a triangle may press on it in two places, or touch it in a second one
+beside the place that bears.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
+from trocar.services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from trocar.services.mechanics.bodies.forceps.tool_body import ToolArrays
 from trocar.services.mechanics.collision.candidate_list import TOUCHING_M, CandidateList
 from trocar.services.mechanics.collision.candidates import SAME_POINT, Candidates
@@ -40,13 +41,17 @@ MOST_OF_TABLE = 0.75
 #: may rock on three. Steps shorter than `FULL_STEP_S` count in part, because a body does not rock faster in them: a
 #: wall under a jaw went on trembling by 10 um, in steps of 0.25 ms.
 LIFE_STEPS, FULL_STEP_S = 3, 1e-3
+NO_MEMBER = -1
 
 
 class WorkingSet(Struct):
-    """The members, which are features of p pieces and m triangles, and scratch for c candidates."""
+    """The members, which are on features of p pieces and m triangles, and scratch for c candidates."""
 
-    life: Annotated[Float32Array, "p", "m"]  # remaining steps of each member, 0 for other features
+    places: Annotated[ByteArray, "p", "m"]  # how many members each feature has
     member: Annotated[LongArray, "c", 2]  # the members: piece and triangle
+    life: Annotated[FloatArray, "c"]  # remaining steps of each member
+    weight: Annotated[FloatArray, "c", 3]  # where on its triangle each member last carried a force
+    member_of: Annotated[LongArray, "c"]  # which member a candidate is, or `NO_MEMBER`
     clearance_m: Annotated[FloatArray, "c"]  # gap plus the wall's indentation
     key: Annotated[FloatArray, "c"]
     order: Annotated[LongArray, "c"]
@@ -90,14 +95,14 @@ def choose(
             continue
         clearance_m = found.gap_m[i] + overlap_in_jaws(tools, p, found.s[i], row(found.normal, i))
         if clearance_m <= min(listed.wanted[p], ahead[p] + TOUCHING_M):
-            key = clearance_m - (1.0 if _is_member(found, working, i) else 0.0)
-            enter(found, working, listed.clusters.triangles, (n, i), (clearance_m, key))
+            enter(found, working, listed.clusters.triangles, (n, i), (clearance_m, clearance_m))
             n += 1
+    _find_members(found, working, n)
     sort_by_key(working, n)
     working.n_chosen, working.wall_moved_m = 0, 0.0
     for k in range(n):
         i = working.order[k]
-        is_member = _is_member(found, working, i)
+        is_member = working.member_of[i] != NO_MEMBER
         if working.n_chosen >= (MOST_OF_TABLE * capacity if is_member else MAX_CHOSEN):
             break
         # A duplicate is nearer than contacts merge or, for a member, at the same place.
@@ -118,9 +123,36 @@ def enter(
     put_row(working.at_rest, i, place_at_rest(working.rest, corner, found.triangle[i], row(found.weight, i)))
 
 
+@inlined_kernel
+def _find_members(found: Candidates, working: WorkingSet, count: int) -> None:
+    """Find which member each of the first ``count`` of ``order`` is, and let members come first.
+
+    A member is the nearest candidate on its feature. Of a catheter or a stone all are, because what slides fast comes
+    from one place on a triangle to the next within a step.
+    """
+    for slot in range(count):
+        working.member_of[working.order[slot]] = NO_MEMBER
+    for k in range(working.n_members):
+        p, nearest, least_2 = working.member[k, 0], NO_MEMBER, math.inf
+        for slot in range(count):
+            i = working.order[slot]
+            if found.piece[i] != p or found.triangle[i] != working.member[k, 1]:
+                continue
+            apart_2 = squared_distance(row(found.weight, i), row(working.weight, k))
+            if p >= N_TOOL_PIECES:
+                _make_member(working, i, k)
+            elif apart_2 < least_2:
+                nearest, least_2 = i, apart_2
+        if nearest != NO_MEMBER:
+            _make_member(working, nearest, k)
+
+
 @kernel
-def _is_member(found: Candidates, working: WorkingSet, i: int) -> bool:
-    return bool(working.life[found.piece[i], found.triangle[i]] > 0)
+def _make_member(working: WorkingSet, i: int, k: int) -> None:
+    """Let a candidate be a member, unless it is another one."""
+    if working.member_of[i] == NO_MEMBER:
+        working.member_of[i] = k
+        working.key[i] -= 1.0
 
 
 @kernel
@@ -175,20 +207,34 @@ def age_members(working: WorkingSet, dt_s: float) -> None:
     """Age all members by a step of ``dt_s``, and remove those whose life is over."""
     n_left, age = 0, min(dt_s / FULL_STEP_S, 1.0)
     for k in range(working.n_members):
-        p, t = working.member[k, 0], working.member[k, 1]
-        working.life[p, t] = max(working.life[p, t] - age, 0.0)
-        if working.life[p, t] > 0:
-            working.member[n_left, 0], working.member[n_left, 1] = p, t
+        life = working.life[k] - age
+        if life > 0.0:
+            working.member[n_left], working.weight[n_left] = working.member[k], working.weight[k]
+            working.life[n_left] = life
             n_left += 1
+        else:
+            working.places[working.member[k, 0], working.member[k, 1]] -= 1
     working.n_members = n_left
 
 
 @inlined_kernel
-def renew_member(working: WorkingSet, p: int, t: int) -> None:
-    """Make a feature a member with its full life, if there is room for more."""
-    if working.life[p, t] == 0:
+def renew_member(working: WorkingSet, p: int, t: int, weight: Vector) -> None:
+    """Give the member nearest to a place on a feature its full life there, or make it one if there is room for more.
+
+    Each place that carries a force in a step has a member of its own: those with a full life are taken.
+    """
+    nearest, least_2 = NO_MEMBER, math.inf
+    for k in range(working.n_members if working.places[p, t] > 0 else 0):
+        if working.member[k, 0] == p and working.member[k, 1] == t and working.life[k] < LIFE_STEPS:
+            apart_2 = squared_distance(weight, row(working.weight, k))
+            if apart_2 < least_2:
+                nearest, least_2 = k, apart_2
+    if nearest == NO_MEMBER:
         if working.n_members == working.member.shape[0]:
             return
-        working.member[working.n_members, 0], working.member[working.n_members, 1] = p, t
+        nearest = working.n_members
         working.n_members += 1
-    working.life[p, t] = LIFE_STEPS
+        working.places[p, t] += 1
+        working.member[nearest, 0], working.member[nearest, 1] = p, t
+    working.life[nearest] = LIFE_STEPS
+    put_row(working.weight, nearest, weight)

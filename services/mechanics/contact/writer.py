@@ -44,7 +44,7 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     rows.tool[row], rows.stone[row] = NO_TOOL, NO_STONE
     rows.duct_weight[row] = 0.0
     rows.rod_weight[row] = 0.0
-    rows.gap_m[row] = rows.rest_offset_m[row] = rows.correction_m[row] = 0.0
+    rows.gap_m[row] = rows.rest_offset_m[row] = rows.correction_m[row] = rows.sunk_m[row] = 0.0
     rows.slip_m[row] = rows.elastic_m[row] = rows.force_n[row] = 0.0
     rows.friction[row], rows.pressure_n[row], rows.friction_energy_j[row] = 0.0, PRESENT, 0.0
     rows.slid_m[row] = -1.0

@@ -53,7 +53,7 @@ def lean(simulation, tools, tick):
 def test_it_is_that_of_a_dense_step_of_backward_euler(small_scene, small_duct, hands):
     simulation, tools = Simulation(replace(small_scene, effects=EFFECTS), small_duct), ToolInputs()
     tools.present[0] = False
-    for tick in range(120):
+    for tick in range(130):
         hands(simulation, tools, tick)
         simulation.step(tools)
     assert closed_axes(simulation), "the tool touches nothing"

@@ -12,6 +12,7 @@ from trocar.services.mechanics.collision.clusters import cluster_triangles
 from trocar.services.mechanics.compiled import building_kernel
 from trocar.services.mechanics.compiled.struct import reader
 from trocar.services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at
+from trocar.services.mechanics.contact.rolling import follow_rolling
 from trocar.services.mechanics.contact.spheres import no_spheres
 from trocar.services.mechanics.contact.working_set import (
     IMPLIED_M,
@@ -29,6 +30,7 @@ from trocar.services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 MESH = parametric_duct(DuctGeometry(4e-3, 10e-3, 12, 8))
 N_PIECES, WALL_M = 10, 1e-3
+CORNER = (1.0, 0.0, 0.0)
 THICKNESS_M = np.linspace(1e-3, 3e-3, N_PIECES)
 
 
@@ -49,6 +51,11 @@ list_at, set_at = reader(CandidateList), reader(WorkingSet)
 def _choose(addresses, ahead_m, geometry, capacity):
     given = list_at(addresses[0]), candidates_at(addresses[1]), set_at(addresses[2])
     choose(given, ahead_m, geometry_at(geometry).tools, capacity)
+
+
+@building_kernel
+def _follow(found, working, start, corner):
+    follow_rolling(candidates_at(found), set_at(working), start, corner)
 
 
 @building_kernel
@@ -109,8 +116,8 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
     rng, chooser = np.random.default_rng(seed), Chooser()
     candidates = random_candidates(rng, n)
     for k in rng.choice(n, min(n, n_members), replace=False):
-        renew_member(chooser.set, *candidates[k][:2])
-    is_member = [chooser.set.life[c[0], c[1]] > 0 for c in candidates]
+        renew_member(chooser.set, *candidates[k][:2], tuple(candidates[k][2]))
+    is_member = [is_nearest_to_a_member(chooser.set, candidates, k) for k in range(n)]
     chosen = chooser.choose(candidates)
     rank = {k: (not is_member[k], candidates[k][4]) for k in range(n)}
     assert [rank[k] for k in chosen] == sorted(rank[k] for k in chosen)
@@ -153,7 +160,7 @@ def test_all_members_have_rows_and_the_nearest_others_while_these_are_few(n_memb
     chooser, far = Chooser(), 3 * np.arange(50)
     candidates = [one(piece=k % 6, triangle=int(t), gap_m=1e-6 * k) for k, t in enumerate(far)]
     for k in range(50 - n_members, 50):
-        renew_member(chooser.set, *candidates[k][:2])
+        renew_member(chooser.set, *candidates[k][:2], CORNER)
     others = max(MAX_CHOSEN - n_members, 0)
     assert chooser.choose(candidates) == [*range(50 - n_members, 50), *range(others)]
 
@@ -164,7 +171,7 @@ def test_members_leave_a_quarter_of_the_table_to_what_comes_later():
     chooser.capacity = 48
     candidates = [one(piece=k % 6, triangle=3 * k, gap_m=1e-6 * k) for k in range(50)]
     for candidate in candidates:
-        renew_member(chooser.set, *candidate[:2])
+        renew_member(chooser.set, *candidate[:2], CORNER)
     assert chooser.choose(candidates) == [*range(36)]
 
 
@@ -195,13 +202,13 @@ def test_a_member_comes_first_until_its_life_is_over(dt_s, life):
     both = [one(gap_m=-50e-6), one(gap_m=0.1e-3, weight=beside)]
     assert chooser.choose(both) == [0]
     both[1] = one(triangle=chooser_neighbour(3), gap_m=0.1e-3, weight=(1.0, 0.0, 0.0))
-    renew_member(chooser.set, 7, both[1][1])
+    renew_member(chooser.set, 7, both[1][1], CORNER)
     for step in range(life + 1):
         expected = 1 if step < life else 0
         assert chooser.choose(both)[0] == expected
         assert chooser.set.n_members == expected
         age_members(chooser.set, dt_s)
-    assert not chooser.set.life.any()
+    assert not chooser.set.places.any()
 
 
 def chooser_neighbour(triangle):
@@ -210,14 +217,62 @@ def chooser_neighbour(triangle):
     return int(np.flatnonzero(shared)[0]) if shared.any() else triangle + 1
 
 
-def test_a_feature_is_a_member_once_and_bearing_again_it_lives_as_long_again():
+def test_a_place_is_a_member_once_a_step_and_bearing_again_it_lives_as_long_again():
+    """It may have moved on its triangle; a second place that bears in the same step is another member."""
     chooser = Chooser()
-    for triangle in (3, 3, 4):
-        renew_member(chooser.set, 7, triangle)
+    for triangle in (3, 4):
+        renew_member(chooser.set, 7, triangle, CORNER)
     age_members(chooser.set, 1e-3)
-    renew_member(chooser.set, 7, 3)
+    renew_member(chooser.set, 7, 3, (0.8, 0.2, 0.0))
     assert chooser.set.n_members == 2
-    assert (chooser.set.life[7, 3], chooser.set.life[7, 4]) == (LIFE_STEPS, LIFE_STEPS - 1)
+    assert chooser.set.life[:2].tolist() == [LIFE_STEPS, LIFE_STEPS - 1]
+    assert chooser.set.weight[0].tolist() == [0.8, 0.2, 0.0]
+    renew_member(chooser.set, 7, 3, (0.0, 0.0, 1.0))
+    assert (chooser.set.n_members, chooser.set.places[7, 3]) == (3, 2)
+
+
+@pytest.mark.parametrize(("piece", "chosen"), [(1, [0]), (7, [1, 0])])
+def test_a_second_place_on_a_triangle_is_a_member_of_a_jaw_only_if_it_bears_itself(piece, chosen):
+    """A jaw along a triangle bears at one end of it; the other end would double the rows. A catheter slides."""
+    chooser = Chooser()
+    both = [one(piece, gap_m=-1e-6), one(piece, gap_m=-2e-6, weight=(0.9, 0.1, 0.0))]
+    renew_member(chooser.set, piece, 3, (0.99, 0.01, 0.0))
+    assert chooser.choose(both) == chosen
+    renew_member(chooser.set, piece, 3, (0.91, 0.09, 0.0))
+    assert chooser.choose(both) == [1, 0]
+
+
+@pytest.mark.parametrize(("piece", "follows"), [(1, True), (7, False)])
+def test_a_jaw_that_rolls_presses_half_way_between_its_last_and_its_nearest_point(piece, follows):
+    """Beside the middle of a facet, at the distance from the axis there; a catheter presses where it is nearest."""
+    chooser, height_m = Chooser(), 2e-3
+    corners = MESH.vertices_m[MESH.triangles[3]]
+    across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normal = across / np.linalg.norm(across)
+    nearest_w, last_w = np.array([0.5, 0.3, 0.2]), np.array([0.4, 0.2, 0.4])
+    start = np.zeros((N_PIECES, 2, 3))
+    start[piece] = nearest_w @ corners + height_m * normal
+    renew_member(chooser.set, piece, 3, tuple(last_w))
+    gap_m = height_m - THICKNESS_M[piece]
+    assert chooser.choose([(piece, 3, nearest_w, normal, gap_m)]) == [0]
+    _follow(chooser.found.address, chooser.set.address, (start, MESH.vertices_m), MESH.triangles)
+    found, middle_w = chooser.found, 0.5 * (nearest_w + last_w)
+    away_m = start[piece, 0] - (middle_w if follows else nearest_w) @ corners
+    assert found.weight[0] == pytest.approx(middle_w if follows else nearest_w)
+    assert found.normal[0] == pytest.approx(away_m / np.linalg.norm(away_m))
+    assert found.gap_m[0] == pytest.approx(np.linalg.norm(away_m) - THICKNESS_M[piece], abs=1e-15)
+
+
+def is_nearest_to_a_member(working, candidates, k):
+    """Return whether a candidate is the nearest on its feature to a place that bore; of a catheter, any is."""
+    feature = candidates[k][:2]
+    alike = [j for j, other in enumerate(candidates) if other[:2] == feature]
+    places = [
+        w for w, f in zip(working.weight, working.member[: working.n_members], strict=False) if tuple(f) == feature
+    ]
+    if feature[0] >= N_TOOL_PIECES:
+        return len(places) > 0
+    return any(k == min(alike, key=lambda j: np.sum((candidates[j][2] - w) ** 2)) for w in places)
 
 
 @pytest.mark.parametrize(("thickness_m", "wall_m"), [(1.5e-3, 1e-3), (3e-3, 0.2e-3), (1.05e-3, 8e-6)])
