@@ -75,8 +75,9 @@ def test_a_finer_wall_has_a_smaller_error(run: Run) -> None:
     lines = run("accuracy_against_time").splitlines()[1:]
     errors = [_numbers(line)[3] for line in lines]
     assert errors == sorted(errors, reverse=True)
-    # The errors are 3.6, 1.0 and 0.1 %: what is between them parts them on every processor.
-    assert errors[0] > 2.0 > errors[1] > 0.5 > errors[2] >= errors[3] == 0.0
+    # They are 6.2, 2.3 and 0.7 %, or 7.0, 3.2 and 1.6 % where rounding lets the tool come to rest on the finest wall's
+    # other side of the plane of symmetry.
+    assert errors[0] > 5.0 > errors[1] > 2.0 > errors[2] > errors[3] == 0.0
 
 
 def test_a_clone_reaches_the_goal_in_an_episode_that_it_has_not_seen(run: Run) -> None:

@@ -86,7 +86,8 @@ def test_another_scenario_begins_at_the_same_address_with_the_same_token(mouse: 
     begun = "narrow: "
     browser.until(lambda: browser.text("#instructor-scenario").startswith(begun), START_S, "its attempt is shown")
     browser.until(lambda: browser.evaluate(chosen) == "narrow", PATIENCE_S, "and chosen")
-    assert access(rig) == page
+    assert [access(rig)[each] for each in ("address", "token")] == [page["address"], page["token"]]
+    assert access(rig)["scene"] == "narrow"
     assert _rig(address)["scenario"] == "narrow"
     kept = set(before.values())
     observer.until(lambda: kept.isdisjoint(observer.pids().values()), START_S, "every process is another")

@@ -79,7 +79,7 @@ def test_a_hand_that_presses_while_physics_begins_anew_feels_the_duct_once_it_ha
 def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
     """In health's gauges, from where metrics and the dashboard have it; nothing where there is room."""
     told = {}
-    for capacity in (96, 4, 1):
+    for capacity in (96, 3, 1):
         rig = in_memory(f"contact.capacity={capacity}")
         _press(rig, 60)
         for process in (rig.haptics_process, rig.physics_process):
@@ -87,8 +87,8 @@ def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
     assert told["haptics", 96]["dropped_pairs"] == told["physics", 96]["dropped_pairs"] == 0.0
     assert told["physics", 96]["dropped_contacts"] == told["physics", 96]["dropped_holds"] == 0.0
     assert told["physics", 96]["refused_inputs"] == 0.0
-    assert told["physics", 4]["dropped_contacts"] > 0.0
-    assert told["physics", 96]["withheld_s"] == told["physics", 4]["withheld_s"] == 0.0
+    assert told["physics", 3]["dropped_contacts"] > 0.0
+    assert told["physics", 96]["withheld_s"] == told["physics", 3]["withheld_s"] == 0.0
     assert told["physics", 1]["withheld_s"] > 0.01  # one row bears no hand that presses: its motion gives way
 
 

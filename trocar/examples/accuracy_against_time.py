@@ -15,7 +15,7 @@ def poke(n_around: int, n_along: int) -> tuple[float, float]:
     simulation, hands = trocar.simulate(trocar.Scene(duct=duct, forceps=(forceps, forceps))), trocar.Hands()
     hands.present[1] = False
     ticks_us = []
-    for z_m in [*np.linspace(22e-3, 16.5e-3, 150), *[16.5e-3] * 350]:
+    for z_m in [*np.linspace(22e-3, 16.5e-3, 150), *[16.5e-3] * 1000]:
         hands.position_m[0] = 30e-3, 0.0, z_m
         begin_s = time.perf_counter()
         simulation.step(hands)
