@@ -12,6 +12,8 @@ that it does not creep by rounding from part to part.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from trocar.services.mechanics.arrays import FloatArray
@@ -48,13 +50,20 @@ class MotionShare:
         self._loads_to = [self._ends.saved(array) for array in duct.load_arrays()]
         self.looks, self._limit_m = 0, np.zeros(0)
 
-    def find(self, tolerance_m: float, most: float) -> float:
-        """Return a share of the motion that is sound, at most ``most``, or 0; bodies are left at some share."""
+    def find(self, tolerance_m: float, most: float, quantum: float) -> float:
+        """Return a share of the motion that is sound, at most ``most``, or 0; bodies are left at some share.
+
+        It is a whole number of ``quantum``, and was looked at itself: jaws that close on a wall may be much deeper on
+        the way than where they end, because the wall gives way later.
+        """
         self._ends.save()
         self.looks = 0
         begun_m, share = self._depths_m(0.0).copy(), most
         sound_m = self._limits_m(begun_m, MARGIN * tolerance_m) + ROUNDING_M
         for _ in range(LOOKS + 1):
+            share = quantum * math.floor(share / quantum)
+            if share == 0.0:
+                break
             depth_m = self._depths_m(share)
             deep = ~(depth_m <= sound_m)  # also what is no number
             if not deep.any():

@@ -238,10 +238,10 @@ class Simulation:
             return 0.0
         if not self.solver.prices:
             return 1.0
-        share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share)
-        self.solver.charge_looks(self._motion_share.looks)
         quantum = max(0.125, SHORTEST_STEP_S / dt_s) if dt_s >= 2.0 * SHORTEST_STEP_S else 0.125
-        return quantum * math.floor(share / quantum)
+        share = self._motion_share.find(self.solver.pricing.tolerance_m, self.splitter.detected_share, quantum)
+        self.solver.charge_looks(self._motion_share.looks)
+        return share
 
     def _take_back(self) -> None:
         """Take the motion of a part back to its sound share; at none of it, everything rests where it was."""

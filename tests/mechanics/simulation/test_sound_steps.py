@@ -68,7 +68,7 @@ def test_a_share_of_a_motion_lies_between_its_ends_and_gives_out_no_energy(small
     simulation._start.save()
     assert simulation._move(tools, 1e-3)
     ended, ended_j = state(), energy_j()
-    assert share.find(1.0, 1.0) == 1.0
+    assert share.find(1.0, 1.0, 0.125) == 1.0
     for part in (1.0, 0.25):
         share.take(part)
         for start, end, now in zip(begun, ended, state(), strict=True):
@@ -273,7 +273,7 @@ def test_a_tick_of_which_nothing_happens_is_felt_as_the_one_before(small_scene, 
         simulation.solver.products += step_solver.MOST_PRODUCTS * (spent_by == "the solve")
         return False
 
-    def find(tolerance_m, detected_share):
+    def find(tolerance_m, detected_share, quantum):
         simulation.solver.products += step_solver.MOST_PRODUCTS * (spent_by == "the looks")
         return 0.0
 
@@ -344,13 +344,33 @@ def test_a_stone_keeps_the_share_of_its_motion_at_which_it_is_clear_of_the_cathe
     assert simulation.withheld_s > 5e-3
 
 
+@pytest.mark.parametrize(
+    ("clear_from", "clear_to", "expected"), [(0.95, 0.1, 0.0), (0.8, 0.1, 0.875), (0.95, 0.3, 0.125)]
+)
+def test_a_share_that_is_taken_was_looked_at(small_scene, small_duct, monkeypatch, clear_from, clear_to, expected):
+    """Jaws are deep in a wall half way and clear of it at 0.97 of the motion: 0.875 of it was taken, 0.1 mm deep."""
+    simulation = Simulation(small_scene, small_duct)
+    simulation._start.save()
+    simulation._move(ToolInputs(), 1e-3)
+    looked = []
+
+    def depths_m(share):
+        looked.append(share)
+        return np.array([0.0 if share >= clear_from or share <= clear_to else 100e-6])
+
+    monkeypatch.setattr(simulation._motion_share, "_depths_m", depths_m)
+    found = simulation._motion_share.find(30e-6, 0.97, 0.125)
+    assert found == expected
+    assert found in {*looked, 0.0}
+
+
 def test_only_the_looks_that_were_made_are_charged(small_scene, small_duct):
     """The start, and the whole motion if that is sound."""
     simulation = Simulation(small_scene, small_duct)
     press(simulation, 5)
     simulation._start.save()
     simulation._move(ToolInputs(position_m=simulation.tools.hand[:, :3].copy()), 1e-3)
-    assert simulation._motion_share.find(30e-6, 1.0) == 1.0
+    assert simulation._motion_share.find(30e-6, 1.0, 0.125) == 1.0
     assert simulation._motion_share.looks == 2
 
 
