@@ -67,7 +67,7 @@ class WallTerms:
         self._ending: tuple[EndingWall, LaggingModes] | None = None
         self._gain_dt_s = np.zeros(1)  # of the step whose gain is in the terms' rows: it goes back with them
         self._to_fade, self._is_fading = {"membrane": 0.0, "pattern": 0.0}, False
-        self.is_kept, self.lost_j, self._owed_j = False, 0.0, 0.0
+        self.is_kept, self.lost_j = False, 0.0
         self._lagging_of = b"", 0.0  # the last state that it was found of, and what was found
 
     @property
@@ -94,7 +94,6 @@ class WallTerms:
 
     def settle(self, clearance_m: Callable[[], float], dt_s: float) -> None:
         """Correct a step in which contacts changed, see `settle_step`, and let terms fade."""
-        self._owed_j = max(-float(self.step.books[TANK]), 0.0)
         if self._acts:
             self.lost_j += settle_step(self.step, self._held, self._duct, clearance_m)
         if self._is_fading:
