@@ -52,7 +52,9 @@ _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h
 
 @dataclass(slots=True)
 class PageContext:
-    """Data and functions for the page. `latest` is replaced as a whole five times a second.
+    """Data and functions for the page.
+
+    `latest` is the rig's state, replaced as a whole five times a second, empty before the supervisor has said anything.
 
     `registries` are the metrics by level; `healthy` tells whether the rig works, with a description; `view_port` the
     port of the picture; `replays` whether a recording is shown that can be controlled; `switches` whether scenarios can
@@ -70,7 +72,7 @@ class PageContext:
     dist: Path = DIST
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
     class_token: str = ""
-    latest: bytes = b"{}"
+    latest: bytes = b""
     closing: bool = False
 
 
@@ -138,6 +140,16 @@ async def _short(request: Request) -> bytes:
     return data[: _ORDER_BYTES + 1]
 
 
+async def stream_states(context: PageContext) -> AsyncIterator[bytes]:
+    """Yield the newest state five times a second, once there is one, as server-sent events."""
+    # A slow client only delays itself here; it then gets the newest state, never a queue of old ones.
+    yield b"retry: 1000\n\n"
+    while not context.closing:
+        if latest := context.latest:
+            yield b"event: state\ndata: " + latest + b"\n\n"
+        await asyncio.sleep(JUDGEMENT_S)
+
+
 class _Endpoints:
     def __init__(self, context: PageContext) -> None:
         self._context = context
@@ -157,17 +169,12 @@ class _Endpoints:
         return HTMLResponse(text.replace(UNTOLD, f"{UNTOLD[: -len('null')]}{told}", 1), headers=headers)
 
     async def state(self, _request: Request) -> Response:
+        if not self._context.latest:
+            return JSONResponse({"error": "the supervisor has said nothing yet"}, 503, headers={"Retry-After": "1"})
         return Response(self._context.latest, media_type="application/json")
 
     async def events(self, _request: Request) -> Response:
-        return StreamingResponse(self._stream(), media_type="text/event-stream", headers=_NOT_KEPT)
-
-    async def _stream(self) -> AsyncIterator[bytes]:
-        # A slow client only delays itself here; it then gets the newest state, never a queue of old ones.
-        yield b"retry: 1000\n\n"
-        while not self._context.closing:
-            yield b"event: state\ndata: " + self._context.latest + b"\n\n"
-            await asyncio.sleep(JUDGEMENT_S)
+        return StreamingResponse(stream_states(self._context), media_type="text/event-stream", headers=_NOT_KEPT)
 
     async def rig(self, request: Request) -> Response:
         return JSONResponse(self._told(request))

@@ -17,11 +17,12 @@ from starlette.types import Message, Receive, Scope, Send
 
 import trocar.protocol.bodies as bodies
 from tests.supervisor.made_up import health, histogram, loop_report, rig
+from trocar.protocol.topics import JUDGEMENT_S
 from trocar.services.runtime.errors import BusError
 from trocar.services.supervisor.control.commands import Command
 from trocar.services.supervisor.judge.state_machine import RigState
 from trocar.services.supervisor.page.metrics import Level, RigSource, registry
-from trocar.services.supervisor.page.web import PageContext, build_app
+from trocar.services.supervisor.page.web import PageContext, build_app, stream_states
 
 
 @dataclass
@@ -274,6 +275,25 @@ def test_events_carry_the_newest_state_only(context: PageContext) -> None:
     states = asyncio.run(read())
     assert states[0] == '{"n": 4}'
     assert set(states) == {'{"n": 4}'}
+
+
+def test_no_state_is_told_before_the_supervisor_has_said_anything(client: Client, context: PageContext) -> None:
+    """Readers of the first state found an empty object, in which nothing was that they read."""
+    context.latest = b""
+
+    async def first() -> bytes:
+        stream = stream_states(context)
+        assert await anext(stream) == b"retry: 1000\n\n"
+        told = asyncio.create_task(anext(stream))
+        await asyncio.sleep(2.5 * JUDGEMENT_S)
+        assert not told.done()
+        context.latest = b'{"n": 1}'
+        return await told
+
+    silent = client.get("/api/state")
+    assert (silent.status_code, silent.json()) == (503, {"error": "the supervisor has said nothing yet"})
+    assert asyncio.run(first()) == b'event: state\ndata: {"n": 1}\n\n'
+    assert client.get("/api/state").json() == {"n": 1}
 
 
 def test_metrics_are_what_prometheus_reads(client: Client) -> None:
