@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
-from trocar.protocol.arrays import Array, spec
+from trocar.protocol.arrays import Array, pack, spec
 from trocar.protocol.table import TableRow, columns
 from trocar.protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
@@ -76,6 +77,9 @@ class ContactForces(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     max_penetration_m: float = 0.0
 
 
+_NO_STONES = pack(np.zeros((0, 3)))
+
+
 class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """The result of one step of physics."""
 
@@ -100,6 +104,9 @@ class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     ticks_per_step: Annotated[
         int, Meta(ge=1, le=16, description="ticks per step of physics, which reads tools once a step")
     ] = 1
+    stones_m: Annotated[Array, spec("<f8", ("stones", 3), "middles of the stones, in the scene's order, in m")] = (
+        _NO_STONES
+    )
 
     def reactions(self, most: int | None = None) -> tuple[ToolReaction, ...]:
         """Return what the tools, or the first ``most`` of them, feel by its names, of a checked body."""

@@ -42,6 +42,7 @@ class FilmView(StrEnum):
 
     SCOPE = "scope"
     FLUOROSCOPY = "fluoroscopy"
+    CHOLANGIOGRAM = "cholangiogram"
 
 
 attempts_app = PlainTyper(no_args_is_help=True, help="What was kept of trainees: list, curve, export, xapi, erase.")
@@ -77,7 +78,9 @@ def export(
         Path | None, typer.Option(help="File, or folder of tables or of a dataset; default: beside the recording.")
     ] = None,
     topics: Annotated[list[str] | None, typer.Option("--topic", help="Only this topic; may be given again.")] = None,
-    view: Annotated[FilmView, typer.Option(help="View of a film: the endoscope's, or X-ray.")] = FilmView.SCOPE,
+    view: Annotated[
+        FilmView, typer.Option(help="View of a film: the endoscope's, X-ray, or with contrast.")
+    ] = FilmView.SCOPE,
     fps: Annotated[int, typer.Option(min=1, max=1000, help="LeRobot: moments a second.")] = 50,
     film: Annotated[bool, typer.Option(help="LeRobot: with pictures of the view.")] = False,
     task: Annotated[str, typer.Option(help="LeRobot: what was done, in words; default: the scenario's title.")] = "",

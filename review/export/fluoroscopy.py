@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +19,6 @@ from trocar.services.mechanics.compiled.vectors import Vector, cross, dot, row, 
 from trocar.services.visualization.picture import Picture, PictureLayout
 from trocar.services.visualization.thick_wall import ThickWall
 from trocar.services.visualization.tube import sweep_tube, tube_triangles
-
-if TYPE_CHECKING:
-    from trocar.services.visualization.render import Renderer
 
 WALL_1_M, CATHETER_1_M, STEEL_1_M = 60.0, 900.0, 950.0
 """Attenuation at some 60 keV: of the wall three times soft tissue's, or it would not be seen; of a catheter as of
@@ -102,18 +98,6 @@ class Fluoroscope:
 
     def _add(self, attenuation_1_m: float, points_m: FloatArray | Float32Array, triangles: IntArray) -> None:
         add_way(self._lens.seen_m(points_m), triangles, self._lens.focal, attenuation_1_m, self._weakened)
-
-
-def open_renderer(view: str, size: tuple[int, int]) -> Fluoroscope | Renderer:
-    """Return what draws off the screen: by X-rays, or what the lens of a ``scope`` sees.
-
-    Raises ModuleNotFoundError: the view needs pyvista.
-    """
-    if view == "fluoroscopy":
-        return Fluoroscope(size)
-    from trocar.services.visualization.render import Renderer
-
-    return Renderer(off_screen=True, size=size)
 
 
 def rod(line_m: FloatArray | Float32Array, radii_m: FloatArray) -> tuple[Float32Array, IntArray]:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trocar.protocol import Frame
-from trocar.review.export.fluoroscopy import open_renderer
+from trocar.review.export.views import open_renderer
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.bus.bus import Bus
@@ -34,7 +34,7 @@ class _Newest:
 
 
 class Camera:
-    """A view of a scene: the endoscope's, or X-ray-like (``fluoroscopy``).
+    """A view of a scene, by its name in `views.VIEWS`.
 
     Raises MissingPackageError that says what needs the package.
     """
@@ -49,7 +49,7 @@ class Camera:
         needed_for: str = "an image",
     ) -> None:
         try:
-            self._renderer = open_renderer(view, size)
+            self._renderer = open_renderer(view, size, scene)
         except ModuleNotFoundError as error:
             raise MissingPackageError(needed_for, error.name) from None
         self._bus = _Newest()

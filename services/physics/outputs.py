@@ -42,6 +42,7 @@ from trocar.services.runtime.loop.flat_view import flat_view
 _INSERTED_EVERY = 16
 # Kinds of contacts on the wire.
 TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
+_NO_STONES = Array("<f8", (0, 3), b"")
 _TOOL_BYTES = TOOL_COLUMNS * np.dtype(float).itemsize
 
 
@@ -73,6 +74,7 @@ class Outputs:
         self._inserted_m, self._n_contacts = 0.0, 0
         self._inserted_is_old, self._inserted_period = True, -1
         self._said: PhysicsState | None = None
+        self._with_spheres = [each for each in simulation.effects.values() if each.sphere_radii_m()]
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
         self._table = np.zeros((N_TOOLS, REACTION_COLUMNS)) if felt is None else felt
         hands = np.zeros((N_TOOLS, TOOL_COLUMNS))
@@ -135,6 +137,7 @@ class Outputs:
             catheter=self._catheter(),
             contacts=contacts,
             ticks_per_step=self._simulation.rung.ticks_per_step,
+            stones_m=self._stones(),
         )
 
     def feel(self, tools: Array) -> int:
@@ -164,6 +167,11 @@ class Outputs:
             radius_m=catheter.radius_m,
             inserted_length_m=self._inserted_m,
         )
+
+    def _stones(self) -> Array:
+        if not self._with_spheres:
+            return _NO_STONES
+        return pack_contiguous(np.concatenate([each.sphere_places_m() for each in self._with_spheres]))
 
     def _contacts(self) -> ContactForces:
         s, n = self._simulation, self._n_contacts

@@ -1,8 +1,8 @@
 """The view protocol: a JSON hello for each layout, then one small binary frame for each picture.
 
 A frame is little-endian: ``sequence, sent_ns, origin_ns, tick`` as u64, then float32: points (n, 3), centreline
-(m, 3), poses (k, 7), jaws (k,), forces (k, 3), inserted length (1,). n, m and k are in the hello. The client computes
-normals, the tube of the catheter and the tools' shapes, so a frame of a 500-node duct is about 7 kB.
+(m, 3), poses (k, 7), jaws (k,), forces (k, 3), inserted length (1,), stones (s, 3). n, m, k and s are in the hello.
+The client computes normals, the tube of the catheter and the tools' shapes; a frame of a 500-node duct is about 7 kB.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.visualization.picture import Picture, PictureLayout, ToolShape
 
 PROTOCOL = "trocar-view/1"
+#: Of a hello that was kept before stones were drawn.
+_NO_STONES: dict[str, tuple[float, ...]] = {"radii_m": ()}
 _HEAD = struct.Struct("<4Q")
 
 
@@ -51,6 +53,7 @@ def encode_hello(layout: PictureLayout) -> str:
                 }
                 for bar in layout.bars
             ],
+            "stones": {"radii_m": layout.stone_radii_m},
             "tools": [
                 {
                     "name": tool.name,
@@ -86,6 +89,7 @@ def decode_hello(text: str) -> PictureLayout:
         n_wire_segments=hello["wire"]["n_segments"],
         wire_radius_m=hello["wire"]["radius_m"],
         bars=tuple(WallBar(**{key: tuple(value) for key, value in bar.items()}) for bar in hello.get("bars", ())),
+        stone_radii_m=tuple(hello.get("stones", _NO_STONES)["radii_m"]),
     )
 
 
@@ -98,8 +102,9 @@ def encode(picture: Picture, sent_ns: int) -> bytes:
     """Return the frame of `picture`, sent at `sent_ns` of the monotonic clock."""
     head = _HEAD.pack(picture.sequence, sent_ns, picture.origin_ns, picture.tick)
     arrays = (picture.points_m, picture.centreline_m, picture.poses, picture.jaw_rad, picture.force_n)
-    tail = struct.pack("<f", picture.inserted_length_m)
-    return b"".join((head, *(np.ascontiguousarray(a, "<f4").tobytes() for a in arrays), tail))
+    inserted = struct.pack("<f", picture.inserted_length_m)
+    stones = np.ascontiguousarray(picture.stones_m, "<f4").tobytes()
+    return b"".join((head, *(np.ascontiguousarray(a, "<f4").tobytes() for a in arrays), inserted, stones))
 
 
 def decode(data: bytes, layout: PictureLayout) -> tuple[Picture, int]:
@@ -110,14 +115,22 @@ def decode(data: bytes, layout: PictureLayout) -> tuple[Picture, int]:
     sequence, sent_ns, origin_ns, tick = _HEAD.unpack_from(data)
     values = np.frombuffer(data, "<f4", offset=_HEAD.size)
     k = len(layout.tools)
-    shapes = ((len(layout.rest_m), 3), (layout.n_particles, 3), (k, 7), (k,), (k, 3), (1,))
+    shapes = (
+        (len(layout.rest_m), 3),
+        (layout.n_particles, 3),
+        (k, 7),
+        (k,),
+        (k, 3),
+        (1,),
+        (len(layout.stone_radii_m), 3),
+    )
     ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
     if ends[-1] != len(values):
         raise ValueError(f"view frame holds {len(values)} numbers, its layout says {ends[-1]}")
     parts = [part.reshape(shape) for part, shape in zip(np.split(values, ends[:-1]), shapes, strict=True)]
-    points, centreline, poses, jaw, force, inserted = parts
+    points, centreline, poses, jaw, force, inserted, stones = parts
     picture = Picture(
-        layout.epoch, sequence, tick, origin_ns, points, centreline, poses, jaw, force, float(inserted[0])
+        layout.epoch, sequence, tick, origin_ns, points, centreline, poses, jaw, force, float(inserted[0]), stones
     )
     return picture, sent_ns
 

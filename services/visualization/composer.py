@@ -48,6 +48,8 @@ class Composer:
         self._sequence = 0
         self._origin_ns = 0
         self.refused = 0
+        effects = build_effects(scene).values()
+        self._stones_m = np.concatenate([np.zeros((0, 3)), *(effect.sphere_places_m() for effect in effects)])
         self.layout = PictureLayout(
             epoch=1,
             scene=scene_name,
@@ -61,7 +63,8 @@ class Composer:
             tools=(),
             n_wire_segments=scene.catheter.n_rod_segments - scene.catheter.n_segments,
             wire_radius_m=float(segment_radii(scene.catheter)[-1]),
-            bars=tuple(bar for effect in build_effects(scene).values() for bar in effect.bars(duct.mesh)),
+            bars=tuple(bar for effect in effects for bar in effect.bars(duct.mesh)),
+            stone_radii_m=tuple(radius_m for effect in effects for radius_m in effect.sphere_radii_m()),
         )
 
     def compose(self) -> Picture:
@@ -77,6 +80,9 @@ class Composer:
         self._sequence += 1
         picture = Picture(self.layout.epoch, self._sequence, origin_ns=self._new_origin())
         picture.points_m = self._surface.points_m
+        if physics is not None and physics.stones_m.shape == self._stones_m.shape:
+            self._stones_m = physics.stones_m.view()
+        picture.stones_m = self._stones_m.astype(np.float32)
         if catheter is not None:
             picture.centreline_m = catheter.position_m.view().astype(np.float32)
             picture.inserted_length_m = catheter.inserted_length_m

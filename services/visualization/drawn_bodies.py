@@ -21,6 +21,7 @@ from trocar.services.visualization.tissue import DUCT, Bytes, TissueLook, rgb, t
 from trocar.services.visualization.tube import spline, sweep_tube, tube_triangles
 
 _STEEL, _SLEEVE, _CANNULA = "#b4bbc2", "#2a2e33", "#8ea4b8"
+_STONE = "#8a7a3c"
 _METAL = {"sleeve": _SLEEVE, "steel": _STEEL}
 _CATHETER = "#d8a63c", "#1d1b18", "#2a1f12"
 _WIRE = (_STEEL,) * 3  # its shades: as many as `_CATHETER` has
@@ -209,6 +210,19 @@ class DrawnBar:
         under_m = np.array(self._bar.weights) @ points_m[list(self._bar.nodes)]
         self._frame[:3, 3] = under_m + self._above_m * np.array(self._bar.outward)
         self._actor.user_matrix = self._frame.copy()
+
+
+class DrawnStone:
+    """A stone in the duct."""
+
+    def __init__(self, plotter: pv.Plotter, radius_m: float) -> None:
+        self._actor = _solid(plotter, pv.Icosphere(radius=radius_m, nsub=3), _STONE)
+
+    def update(self, place_m: Float32Array) -> None:
+        """Move to where its middle (3,) is."""
+        frame = np.eye(4)
+        frame[:3, 3] = place_m
+        self._actor.user_matrix = frame
 
 
 class Tool:

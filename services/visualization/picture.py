@@ -40,6 +40,7 @@ class PictureLayout:
         thickness_m: float. Thickness of the wall, half on each side of the mid-surface.
         mouth, clamped: tuple of int. Nodes of the free and the held rim, empty if unnamed.
         bars: tuple of WallBar. What lies on the wall and follows it: the legs of a clip.
+        stone_radii_m: tuple of float. Radius of each stone in the duct.
         n_particles: int. Number of particles of the catheter and of the protruding guide wire, the last segments.
     """
 
@@ -56,6 +57,7 @@ class PictureLayout:
     n_wire_segments: int = 0
     wire_radius_m: float = 0.0
     bars: tuple[WallBar, ...] = ()
+    stone_radii_m: tuple[float, ...] = ()
 
     def rods(self) -> list[tuple[slice, float]]:
         """Return the ranges of particles of the catheter and of its wire, if any, with their radii."""
@@ -75,6 +77,7 @@ class Picture:
             jaw A opens.
         jaw_rad: (k,) float32. Opening between both jaws.
         force_n: (k, 3) float32. Force of the tissue on each tool.
+        stones_m: (s, 3) float32. Middle of each stone of the layout.
     """
 
     epoch: int
@@ -87,3 +90,4 @@ class Picture:
     jaw_rad: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
     force_n: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     inserted_length_m: float = 0.0
+    stones_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))

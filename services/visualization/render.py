@@ -25,6 +25,7 @@ from trocar.services.visualization.drawn_bodies import (
     DrawnCatheter,
     DrawnDuct,
     DrawnPiece,
+    DrawnStone,
     ForceArrow,
     Tool,
     pose_matrix,
@@ -93,6 +94,8 @@ class Renderer:
             self._catheter.update(picture.centreline_m)
         for bar in self._bars:
             bar.update(picture.points_m)
+        for stone, place_m in zip(self._stones, picture.stones_m, strict=False):
+            stone.update(place_m)
         face_m = self._duct.outer_face_m()
         for i, (tool, arrow, ring) in enumerate(zip(self._tools, self._arrows, self._rings, strict=True)):
             pose = picture.poses[i]
@@ -157,6 +160,7 @@ class Renderer:
         self._duct = DrawnDuct(plotter, layout, fine=effects.fine)
         self._catheter = DrawnCatheter(plotter, layout) if layout.n_particles > 1 else None
         self._bars = [DrawnBar(plotter, bar, layout.thickness_m) for bar in layout.bars]
+        self._stones = [DrawnStone(plotter, radius_m) for radius_m in layout.stone_radii_m]
         self._tools = [Tool(plotter, shape) for shape in layout.tools]
         self._arrows = [ForceArrow(plotter) for _ in layout.tools]
         self._scenery = [DrawnPiece(plotter, piece) for piece in scenery(layout, cells=90 if effects.fine else 45)]

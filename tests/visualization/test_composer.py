@@ -11,6 +11,7 @@ from tests.visualization.small_duct import MODES, make_duct
 from trocar.protocol import bodies
 from trocar.protocol.arrays import pack
 from trocar.protocol.bodies.physics import reaction_table
+from trocar.services.mechanics.effects.gallstones import GallstonesSettings
 from trocar.services.mechanics.scene import CatheterScene, ForcepsScene, GuideWireScene, ProbeScene, SceneModel
 from trocar.services.visualization.composer import TOPICS, Composer
 
@@ -69,6 +70,18 @@ def test_the_surface_is_rest_plus_modes_plus_residual():
     expected = DUCT.mesh.vertices_m + np.einsum("nkr,r->nk", DUCT.basis.Phi, q)
     expected += np.einsum("nlij,lj->ni", blocks[:, nodes], forces)
     np.testing.assert_allclose(rig.composer.compose().points_m, expected, rtol=1e-5, atol=1e-8)
+
+
+def test_stones_are_where_the_scene_puts_them_until_physics_says_where_they_are():
+    places_m = ((20e-3, 0.0, 0.0), (10e-3, 1e-3, 0.0))
+    rig = Rig(SceneModel(effects={"gallstones": GallstonesSettings(places_m, (1e-3, 2e-3))}))
+    np.testing.assert_allclose(rig.composer.compose().stones_m, places_m, rtol=1e-6)
+    assert rig.composer.layout.stone_radii_m == (1e-3, 2e-3)
+    moved_m = np.array(places_m) + 3e-3
+    rig.say(stones_m=pack(moved_m))
+    np.testing.assert_allclose(rig.composer.compose().stones_m, moved_m, rtol=1e-6)
+    rig.say(2, stones_m=pack(moved_m[:1]))  # of a physics that runs another scene
+    np.testing.assert_allclose(rig.composer.compose().stones_m, moved_m, rtol=1e-6)
 
 
 def test_a_lower_quality_level_sends_fewer_modes():

@@ -35,6 +35,7 @@ def a_layout(n: int = 6, m: int = 4) -> PictureLayout:
         n_wire_segments=1,
         wire_radius_m=0.3e-3,
         bars=(WallBar((0, 1, 2), (0.2, 0.3, 0.5), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (9e-3, 1.5e-3, 0.8e-3)),),
+        stone_radii_m=(2e-3, 1e-3),
     )
 
 
@@ -48,6 +49,7 @@ def a_picture(layout: PictureLayout) -> Picture:
     return Picture(
         layout.epoch, 2**40 + 1, 12345, 10**15, numbers(len(layout.rest_m), 3), numbers(layout.n_particles, 3),
         numbers(k, 7), numbers(k), numbers(k, 3), 0.0125,
+        numbers(len(layout.stone_radii_m), 3),
     )  # fmt: skip
 
 
@@ -65,9 +67,15 @@ def test_a_picture_comes_back_as_it_was():
     picture = a_picture(layout)
     back, sent_ns = codec.decode(codec.encode(picture, 99), layout)
     assert (back.epoch, back.sequence, back.tick, back.origin_ns, sent_ns) == (3, 2**40 + 1, 12345, 10**15, 99)
-    for name in ("points_m", "centreline_m", "poses", "jaw_rad", "force_n"):
+    for name in ("points_m", "centreline_m", "poses", "jaw_rad", "force_n", "stones_m"):
         np.testing.assert_array_equal(getattr(back, name), getattr(picture, name))
     assert back.inserted_length_m == np.float32(0.0125)
+
+
+def test_a_hello_that_was_kept_before_stones_were_drawn_has_none():
+    hello = json.loads(codec.encode_hello(replace(a_layout(), stone_radii_m=())))
+    del hello["stones"]
+    assert codec.decode_hello(json.dumps(hello)).stone_radii_m == ()
 
 
 def test_a_frame_of_another_layout_is_refused():
@@ -96,7 +104,7 @@ const bytes = Uint8Array.from(Buffer.from(frame, "base64"));
 const { sequence, sent_ns, origin_ns, ...rest } = decodeFrame(bytes.buffer, layout);
 const plain = Object.fromEntries(Object.entries(rest).map(([k, v]) => [k, v.buffer ? [...v] : v]));
 console.log(JSON.stringify({ ...plain, sequence: String(sequence), sent_ns: String(sent_ns),
-  triangles: [...layout.triangles], rest: [...layout.rest], rods: layout.rods,
+  triangles: [...layout.triangles], rest: [...layout.rest], rods: layout.rods, radii: layout.stones,
   short: decodeFrame(bytes.buffer.slice(0, -4), layout) }));
 """
 
@@ -125,5 +133,7 @@ def test_the_page_reads_what_the_server_writes():
     np.testing.assert_allclose(seen["forces"], picture.force_n.ravel(), rtol=1e-6)
     poses = picture.poses * np.array([_MILLIMETRES] * 3 + [1.0] * 4)
     np.testing.assert_allclose(seen["poses"], poses.ravel(), rtol=1e-6)
+    np.testing.assert_allclose(seen["stones"], picture.stones_m.ravel() * _MILLIMETRES, rtol=1e-6)
+    assert seen["radii"] == pytest.approx([2.0, 1.0])
     assert seen["inserted_mm"] == pytest.approx(12.5)
     assert seen["short"] is None

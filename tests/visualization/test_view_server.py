@@ -8,6 +8,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import httpx
 import pytest
@@ -69,10 +70,14 @@ class Show:
         self.port = int(output.gauges()["view_port"])
         while not self._stop.is_set():
             self.shown += 1
-            picture = Picture(
-                self.layout.epoch, self.shown, self.shown, time.monotonic_ns(), self.picture.points_m,
-                self.picture.centreline_m, self.picture.poses, self.picture.jaw_rad, self.picture.force_n,
-            )  # fmt: skip
+            picture = replace(
+                self.picture,
+                epoch=self.layout.epoch,
+                sequence=self.shown,
+                tick=self.shown,
+                origin_ns=time.monotonic_ns(),
+                inserted_length_m=0.0,
+            )
             output.show(self.layout, picture, self.notice)
             output.wait_until(time.monotonic_ns() + self._period_ns)
             self.clients = output.gauges()["clients"]

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.fem import ShellSection
 from trocar.services.mechanics.reduction import ReducedDuct
@@ -123,6 +125,14 @@ class Effect:
     def bars(self, mesh: TriangleMesh) -> tuple[WallBar, ...]:
         """Return the bars on the wall that a picture shows of it, none by default."""
         return ()
+
+    def sphere_radii_m(self) -> tuple[float, ...]:
+        """Return the radii of the spheres that it brings into the scene, none by default."""
+        return ()
+
+    def sphere_places_m(self) -> FloatArray:
+        """Return where these spheres are now (n, 3)."""
+        return np.zeros((0, 3))
 
     def modify_section(self, section: ShellSection) -> ShellSection:
         """Return the wall's thickness and material, before the duct is meshed into elements."""

@@ -114,6 +114,14 @@ class Gallstones(Effect):
         """Return positions and velocities of the stones."""
         return self.position_m, self.velocity_m_s
 
+    def sphere_radii_m(self) -> tuple[float, ...]:
+        """Return the radii of the stones."""
+        return tuple(self.radius_m.tolist())
+
+    def sphere_places_m(self) -> FloatArray:
+        """Return where the stones are now (s, 3)."""
+        return self.position_m
+
     def potential_energy_j(self, world: World) -> float:
         """Return kinetic energy and potential energy of weight of the stones, zero at the origin."""
         kinetic_j = 0.5 * self._stones.mass @ np.sum(self.velocity_m_s**2, axis=1)

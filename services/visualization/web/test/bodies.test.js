@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Bar, Catheter, smoothRuns, Tool } from "../src/view/bodies.js";
+import { Bar, Catheter, smoothRuns, Stone, Tool } from "../src/view/bodies.js";
 
 const SPHERE = [0, 0.4, 0.8, 1.2, 1.57, 2, 2.4, 2.8, Math.PI].map((a) => [-1.5 * Math.cos(a), 1.5 * Math.sin(a)]);
 const SHAPE = { port: [0, 0, 150], shaftRadius: 2.5, parts: [{ material: "steel", profile: SPHERE }], jawLength: 0, jawRadius: 0 };
@@ -50,4 +50,15 @@ test("a leg of a clip lies on the wall where it is told, and follows it", () => 
   bar.object.updateMatrixWorld();
   const corner = bar.object.localToWorld(bar.object.position.clone().set(4.5, 0.4, 0.75));
   assert.deepEqual(corner.toArray().map((x) => Math.round(1e6 * Math.abs(x)) / 1e6), [2.75, 6.5, 5.3]);
+});
+
+test("each stone is as large as it is told, and where its frame has it", () => {
+  const stones = Float32Array.from([1, 2, 3, -4, -5, -6]);
+  [2, 0.5].forEach((radius, i) => {
+    const stone = new Stone(radius, i, "coarse");
+    stone.update({ stones });
+    assert.deepEqual(stone.object.position.toArray(), [...stones.subarray(3 * i, 3 * i + 3)]);
+    stone.object.geometry.computeBoundingSphere();
+    assert.ok(Math.abs(stone.object.geometry.boundingSphere.radius - radius) < 1e-6);
+  });
 });

@@ -178,6 +178,24 @@ export class Bar {
   }
 }
 
+const STONE = {
+  wet: () => new THREE.MeshPhysicalMaterial({ color: "#8a7a3c", roughness: 0.55, clearcoat: 0.4 }),
+  plain: () => new THREE.MeshPhongMaterial({ color: "#8a7a3c", shininess: 25 }),
+  coarse: () => gouraud({ color: "#8a7a3c", shine: 0.2 }),
+}; // of cholesterol and pigment
+
+// A stone in the duct, the `index`th of a frame.
+export class Stone {
+  constructor(radius, index, look) {
+    this.index = index;
+    this.object = solid(new THREE.SphereGeometry(radius, fineness(look).round, fineness(look).round / 2), STONE[look]());
+  }
+
+  update({ stones }) {
+    this.object.position.fromArray(stones, 3 * this.index);
+  }
+}
+
 // A jaw along +x from the hinge: half round outside (+y), flat and toothed inside, blunt at the end.
 function jawGeometry(length, radius, { rings, arcs }) {
   const positions = [], index = [];
@@ -286,7 +304,7 @@ const ARROW = { color: "#7ad7c4", transparent: true, opacity: 0.92, depthTest: f
 export function samples(look) {
   const geometry = new THREE.BufferGeometry();
   for (const name of ["position", "normal", "color", "rest"]) geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(9), 3));
-  const materials = [RUBBER[look](), ...Object.values(METAL[look]), new THREE.MeshBasicMaterial(ARROW)];
+  const materials = [RUBBER[look](), STONE[look](), ...Object.values(METAL[look]), new THREE.MeshBasicMaterial(ARROW)];
   const flesh = tissue(geometry.clone(), { colour: "#b9594f", pale: "#d99a83", vein: "#86283a" }, look);
   return new THREE.Group().add(flesh, ...materials.map((material) => new THREE.Mesh(geometry, material)));
 }

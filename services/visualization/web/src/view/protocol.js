@@ -20,6 +20,7 @@ export function decodeHello(hello) {
     particles: hello.catheter.n_points,
     rods: rods(hello),
     bars: (hello.bars ?? []).map(({ size_m, ...bar }) => ({ ...bar, size: size_m.map((x) => x * MM) })),
+    stones: (hello.stones?.radii_m ?? []).map((radius) => radius * MM),
     tools: hello.tools.map((tool) => ({
       name: tool.name,
       port: tool.port_m.map((x) => x * MM),
@@ -41,25 +42,26 @@ function rods({ catheter, wire }) {
 // Returns null for a frame that does not fit the layout.
 export function decodeFrame(buffer, layout) {
   const n = layout.rest.length / 3, m = layout.particles, k = layout.tools.length;
-  const counts = [3 * n, 3 * m, 7 * k, k, 3 * k, 1];
+  const counts = [3 * n, 3 * m, 7 * k, k, 3 * k, 1, 3 * layout.stones.length];
   const total = counts.reduce((a, b) => a + b, 0);
   if (buffer.byteLength !== HEAD_BYTES + 4 * total) return null;
   const head = new DataView(buffer, 0, HEAD_BYTES);
   let offset = HEAD_BYTES;
-  const [points, centreline, poses, jaws, forces, inserted] = counts.map((count) => {
+  const [points, centreline, poses, jaws, forces, inserted, stones] = counts.map((count) => {
     const part = new Float32Array(buffer, offset, count);
     offset += 4 * count;
     return part;
   });
   for (let i = 0; i < points.length; i++) points[i] *= MM;
   for (let i = 0; i < centreline.length; i++) centreline[i] *= MM;
+  for (let i = 0; i < stones.length; i++) stones[i] *= MM;
   for (let i = 0; i < k; i++) for (let j = 0; j < 3; j++) poses[7 * i + j] *= MM;
   return {
     sequence: head.getBigUint64(0, true),
     sent_ns: head.getBigUint64(8, true),
     origin_ns: head.getBigUint64(16, true),
     tick: Number(head.getBigUint64(24, true)),
-    points, centreline, poses, jaws, forces,
+    points, centreline, poses, jaws, forces, stones,
     inserted_mm: inserted[0] * MM,
   };
 }

@@ -4,7 +4,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
 import { backdrop } from "./backdrop.js";
-import { Bar, Catheter, Duct, ForceArrow, samples, Tool } from "./bodies.js";
+import { Bar, Catheter, Duct, ForceArrow, samples, Stone, Tool } from "./bodies.js";
 import { MeetingRing } from "./cue.js";
 import { lightFrom } from "./gouraud.js";
 import { jawsAt } from "../hands/motion.js";
@@ -108,13 +108,14 @@ export class Stage {
     this.duct = new Duct(layout, this.look);
     this.catheter = layout.particles > 1 ? new Catheter(layout, this.look) : null;
     this.bars = layout.bars.map((bar) => new Bar(bar, layout.thickness, this.look));
+    this.stones = layout.stones.map((radius, i) => new Stone(radius, i, this.look));
     this.tools = layout.tools.map((shape) => new Tool(shape, this.look));
     this.arrows = layout.tools.map(() => new ForceArrow());
     this.rings = layout.tools.map((shape) => new MeetingRing(shape));
     this.duct.showStrain(this.showsStrain);
     this.bodies.add(backdrop(layout, bounds, this.look), this.duct.object);
     if (this.catheter) this.bodies.add(this.catheter.object);
-    for (const body of [...this.bars.map((bar) => bar.object), ...this.tools.map((tool) => tool.root), ...[...this.arrows, ...this.rings].map((a) => a.object)]) this.bodies.add(body);
+    for (const body of [...[...this.bars, ...this.stones].map((body) => body.object), ...this.tools.map((tool) => tool.root), ...[...this.arrows, ...this.rings].map((a) => a.object)]) this.bodies.add(body);
     this.frameBounds(bounds);
     if (first) {
       this.sideSign = 1;
@@ -196,7 +197,7 @@ export class Stage {
     this.takeSides(frame);
     this.duct.update(frame);
     this.catheter?.update(frame);
-    for (const bar of this.bars) bar.update(frame);
+    for (const body of [...this.bars, ...this.stones]) body.update(frame);
     this.tools.forEach((tool, i) => {
       const pose = frame.poses.subarray(7 * i, 7 * i + 7), force = frame.forces.subarray(3 * i, 3 * i + 3);
       tool.root.visible = isThere(frame.poses, i);
