@@ -42,17 +42,33 @@ def drawn_patient(random: np.random.Generator) -> SceneModel:
 
     Ducts, bent tip and traction are those of the study of folds.
     """
-    duct = DuctScene(
+    duct = drawn_wall(random)
+    while not _is_possible(duct):
+        duct = drawn_wall(random)
+    effects = {name: EFFECTS[name].kind.Settings() for name in BESIDE if random.random() < 0.5}
+    scene = replace(approaching().scene, duct=duct, effects=effects)
+    tip = (BENT_TIP,) if random.random() < 0.5 else ()
+    return with_catheter(scene, **_catheter(random), sections=tip, before_mouth_m=2e-3)
+
+
+def drawn_wall(random: np.random.Generator) -> DuctScene:
+    """Return a duct of a drawn seed with a drawn wall, which may be too thick for its course."""
+    return DuctScene(
         cystic=drawn_duct(int(random.integers(SEEDS))),
         thickness_m=random.uniform(0.5e-3, 1.5e-3),
         youngs_modulus_pa=log_uniform(random, 100e3, 1e6),
         n_modes=60,
         traction_n=float(random.choice([0.0, TRACTION_N])),
     )
-    effects = {name: EFFECTS[name].kind.Settings() for name in BESIDE if random.random() < 0.5}
-    scene = replace(approaching().scene, duct=duct, effects=effects)
-    tip = (BENT_TIP,) if random.random() < 0.5 else ()
-    return with_catheter(scene, **_catheter(random), sections=tip, before_mouth_m=2e-3)
+
+
+def _is_possible(duct: DuctScene) -> bool:
+    """Return whether there is such a duct: a wall that is too thick for a narrow course folds onto itself."""
+    try:
+        duct_tubes(duct)
+    except ValueError:
+        return False
+    return True
 
 
 def _catheter(random: np.random.Generator) -> dict[str, float]:

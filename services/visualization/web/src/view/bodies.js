@@ -188,7 +188,7 @@ const STONE = {
 export class Stone {
   constructor(radius, index, look) {
     this.index = index;
-    this.object = solid(new THREE.SphereGeometry(radius, fineness(look).round, fineness(look).round / 2), STONE[look]());
+    this.object = solid(new THREE.SphereGeometry(radius, 2 * fineness(look).round, fineness(look).round), STONE[look]());
   }
 
   update({ stones }) {
