@@ -45,9 +45,11 @@ def drawn_patient(random: np.random.Generator) -> SceneModel:
     duct = drawn_wall(random)
     while not _is_possible(duct):
         duct = drawn_wall(random)
-    effects = {name: EFFECTS[name].kind.Settings() for name in BESIDE if random.random() < 0.5}
-    scene = replace(approaching().scene, duct=duct, effects=effects)
+    tossed = [name for name in BESIDE if random.random() < 0.5]
     tip = (BENT_TIP,) if random.random() < 0.5 else ()
+    called_for = [*tossed, "twist"] if tip and "twist" not in tossed else tossed  # a bent tip turns with the material
+    effects = {name: EFFECTS[name].kind.Settings() for name in called_for}
+    scene = replace(approaching().scene, duct=duct, effects=effects)
     return with_catheter(scene, **_catheter(random), sections=tip, before_mouth_m=2e-3)
 
 
