@@ -18,11 +18,28 @@ from trocar.services.mechanics.contact.system import ContactSystem
 from trocar.services.mechanics.scene import SceneModel
 
 
+class RestartablePart(Protocol):
+    """A part of a world whose state at the start of a step is more than arrays."""
+
+    def save_start(self) -> None:
+        """Save the state at the start of a step."""
+
+    def restore_start(self) -> None:
+        """Restore the saved state."""
+
+
 class WorldEffect(Protocol):
     """An effect, as the steps of a world know it: its state, its energy, and how far particles may move for it."""
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the state, which are only ever changed in place."""
+
+    def step_arrays(self) -> tuple[FloatArray, ...]:
+        """Return the live arrays that are saved whole where a step begins."""
+
+    @property
+    def restartable(self) -> RestartablePart | None:
+        """State that is not in these, which is saved there as well."""
 
     def potential_energy_j(self, world: World) -> float:
         """Return the energy stored now."""

@@ -116,7 +116,7 @@ class CatheterBody:
         may_sleep, self._last_dt_s = as_last and self._may_sleep_now, dt_s
         is_touched = self._was_touched and self._linearises
         plain = self.plain_integrator
-        if plain is not None and plain.twist is None:
+        if plain is not None:
             self.slept = plain.step_freely(state, step.address, dt_s, (is_touched, may_sleep))
             return
         self.slept = begin_step(step.address, state.position_m, state.velocity_m_s, may_sleep)

@@ -18,7 +18,7 @@ from trocar.services.mechanics.rod import RodProperties
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.mechanics.surface.mesh import TriangleMesh
-from trocar.services.mechanics.world import World
+from trocar.services.mechanics.world import RestartablePart, World
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +88,15 @@ class Effect:
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the effect's state; they are only changed in place."""
         return ()
+
+    @property
+    def restartable(self) -> RestartablePart | None:
+        """State that is not in `step_arrays`, which is saved where a step begins; none by default."""
+        return None
+
+    def step_arrays(self) -> tuple[FloatArray, ...]:
+        """Return the live arrays that are saved whole where a step begins: all of the state by default."""
+        return self.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:
         """Return the energy stored by the effect and its bodies, for the energy balance; zero by default."""

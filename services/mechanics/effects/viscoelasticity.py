@@ -68,6 +68,15 @@ class Viscoelasticity(Effect):
         """Return the lagging coordinates and loads."""
         return self._modes.d, self._terms.held_relaxed, *self._loads.state_arrays()
 
+    def step_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the same without the loads, of which only those that lag are saved."""
+        return self._modes.d, self._terms.held_relaxed
+
+    @property
+    def restartable(self) -> ViscousLoads:
+        """The loads that lag."""
+        return self._loads
+
     def potential_energy_j(self, world: World) -> float:
         """Return the energy in the Prony springs less that of the instantaneous modulus, which the duct reports."""
         duct = world.duct

@@ -13,6 +13,7 @@ import numpy as np
 
 from trocar.services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
 from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.memory import SavedRows
 from trocar.services.mechanics.compiled.struct import Address, Struct, reader
 from trocar.services.mechanics.compiled.vectors import copy_rows
 from trocar.services.mechanics.reduction.residual.blocks import BlockStore, block_between, store_at
@@ -34,7 +35,7 @@ class LaggingLoads(Struct):
     g: Annotated[FloatArray, "t"]
     decay: Annotated[FloatArray, "t"]
     node: Annotated[IntArray, "m"]
-    lag: Annotated[FloatArray, "t", "m", 3]  # h
+    lag: Annotated[FloatArray, "m", "t", 3]  # h
     total: Annotated[FloatArray, "m", 3]  # sum of g h in the next step
     lasting: Annotated[FloatArray, "m", 3]  # the same, which a wall whose sections turn turns to world axes
     load: Annotated[FloatArray, "m", 3]  # p of the last tick
@@ -61,6 +62,8 @@ class ViscousLoads:
         slot, g = np.full(n_nodes, -1, np.int32), np.array(series.g)
         # Places for those that were pressed in the last tick, for what is left of before, and for others in this one.
         self._arrays = LaggingLoads.zeros(g=g, slot=slot, t=len(g), m=2 * capacity + MOST_LEFT, n=n_nodes)
+        arrays = self._arrays
+        self._start = SavedRows([arrays.node, arrays.lag, arrays.total, arrays.lasting, arrays.load])
         self._since_s = 0.0
         self.dissipated_j = 0.0
 
@@ -95,6 +98,15 @@ class ViscousLoads:
         arrays = self._arrays
         return 0.5 * float(spread_energy(arrays.address, store.address, arrays.g, -float(arrays.g.sum())))
 
+    def save_start(self) -> None:
+        """Save the loads where a step begins: all that there is room for are a quarter of a megabyte."""
+        self._start.save(self._arrays.count.item(0))
+
+    def restore_start(self) -> None:
+        """Restore them."""
+        self._start.restore()
+        self._arrays.count[0] = self._start.count
+
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
         arrays = self._arrays
@@ -113,13 +125,13 @@ def relax_loads(address: Address[LaggingLoads], nodes: IntArray, forces: FloatAr
     listed = _list_loads(lagging, count, nodes, forces)
     for place in range(count):
         for term in range(lagging.g.shape[0]):
-            follow(lagging.lag[term, place], lagging.load[place], lagging.decay[term])
+            follow(lagging.lag[place, term], lagging.load[place], lagging.decay[term])
         for axis in range(3):
             lagging.total[place, axis] = 0.0
             for term in range(lagging.g.shape[0]):
                 # At the end of the next step, as if p stayed: h, which followed the p that it ended with, is half a
                 # step behind.
-                ahead = 0.5 * (1.0 + lagging.decay[term]) * (lagging.load[place, axis] - lagging.lag[term, place, axis])
+                ahead = 0.5 * (1.0 + lagging.decay[term]) * (lagging.load[place, axis] - lagging.lag[place, term, axis])
                 lagging.total[place, axis] += lagging.g[term] * (lagging.load[place, axis] - ahead)
     lagging.count[0] = _forget(lagging, count)
     copy_rows(lagging.total, lagging.lasting, lagging.count[0])
@@ -142,7 +154,7 @@ def _take_loads(lagging: LaggingLoads, nodes: IntArray, forces: FloatArray, n_lo
             for axis in range(3):
                 lagging.load[place, axis] = 0.0
                 for term in range(lagging.g.shape[0]):
-                    lagging.lag[term, place, axis] = 0.0
+                    lagging.lag[place, term, axis] = 0.0
         lagging.pressed[place] = 1
         for axis in range(3):
             lagging.load[place, axis] += forces[load, axis]
@@ -194,7 +206,7 @@ def _lag_of(lagging: LaggingLoads, place: int) -> float:
     largest = 0.0
     for term in range(lagging.g.shape[0]):
         for axis in range(3):
-            largest = max(largest, abs(lagging.lag[term, place, axis]))
+            largest = max(largest, abs(lagging.lag[place, term, axis]))
     return largest
 
 
@@ -204,7 +216,7 @@ def _move(lagging: LaggingLoads, here: int, there: int) -> None:
     for axis in range(3):
         lagging.load[there, axis], lagging.total[there, axis] = lagging.load[here, axis], lagging.total[here, axis]
         for term in range(lagging.g.shape[0]):
-            lagging.lag[term, there, axis] = lagging.lag[term, here, axis]
+            lagging.lag[there, term, axis] = lagging.lag[here, term, axis]
 
 
 @kernel
@@ -221,7 +233,7 @@ def spread_energy(
                 for j in range(3):
                     product = own * lagging.load[a, i] * lagging.load[b, j]
                     for term in range(weights.shape[0]):
-                        left = lagging.load[a, i] - lagging.lag[term, a, i]
-                        product += weights[term] * left * (lagging.load[b, j] - lagging.lag[term, b, j])
+                        left = lagging.load[a, i] - lagging.lag[a, term, i]
+                        product += weights[term] * left * (lagging.load[b, j] - lagging.lag[b, term, j])
                     total += twice * block[3 * i + j] * product
     return total

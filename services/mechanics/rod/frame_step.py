@@ -9,12 +9,32 @@ from __future__ import annotations
 
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.compiled import kernel
+from trocar.services.mechanics.compiled.struct import Address
+from trocar.services.mechanics.rod.free_step import SLEPT, FreeStep, begin_own, end_freely, step_at
 from trocar.services.mechanics.rod.implicit_kernels import Addresses, Moving, Step, predict
 from trocar.services.mechanics.rod.model import work_at
 from trocar.services.mechanics.rod.turning import note_turns
 from trocar.services.mechanics.rod.twist import Task, update_frame
 
 _NOTHING = 1e-100  # products of numbers below it would be subnormal, and ten times as slow
+
+
+@kernel
+def step_freely_with_frame(
+    address: Address[FreeStep],
+    rod: tuple[Addresses, Task],
+    scratch: tuple[FloatArray, FloatArray],
+    motion: Moving,
+    step: Step,
+    flags: tuple[bool, bool],
+) -> int:
+    """Do as `free_step.step_freely`; ``scratch`` is that of `predict_with_frame`, and the targets of held particles."""
+    own, (x, v, _), (is_touched, may_sleep) = step_at(address), motion, flags
+    if begin_own(own, x, v, may_sleep):
+        return SLEPT
+    load = own.load if is_touched else own.external
+    taken = predict_with_frame(rod, scratch[0], motion, (load, scratch[1]), step)
+    return int(end_freely(own, rod[0], (x, v), (step[0], taken, is_touched)))
 
 
 @kernel

@@ -50,28 +50,33 @@ def step_freely(
     `SLEPT`, or `NOT_DEFINITE` if the matrix of the correction is not positive definite.
     """
     own, (x, v, _), (is_touched, may_sleep) = step_at(address), motion, flags
-    if _begin(own, x, v, may_sleep):
+    if begin_own(own, x, v, may_sleep):
         return SLEPT
     taken: int = implicit_kernels.predict(rod, motion, own.load if is_touched else own.external, target, step)
-    if taken == 0:
-        return taken
-    if is_touched and not contact_response.correct(rod, (x, v), own.negated_contact, (step[0], False)):
-        return NOT_DEFINITE
-    _note_motion(own, x)
-    return taken
+    return end_freely(own, rod, (x, v), (step[0], taken, is_touched))
 
 
 @kernel
-def _note_motion(step: FreeStep, position: FloatArray) -> None:
-    for i in range(position.shape[0]):
+def end_freely(own: FreeStep, rod: Addresses, motion: implicit_kernels.Motion, step: tuple[float, int, bool]) -> int:
+    """Subtract the last contact forces from a predicted motion, and store it; see `step_freely`.
+
+    ``step`` is (dt, Newton iterations of the prediction, whether it had contacts in the last step).
+    """
+    dt_s, taken, is_touched = step
+    if taken == 0:
+        return taken
+    if is_touched and not contact_response.correct(rod, motion, own.negated_contact, (dt_s, False)):
+        return NOT_DEFINITE
+    for i in range(motion[0].shape[0]):
         for axis in range(3):
-            step.motion[i, axis] = position[i, axis] - step.start[i, axis]
+            own.motion[i, axis] = motion[0][i, axis] - own.start[i, axis]
+    return taken
 
 
 @kernel
 def begin_step(address: Address[FreeStep], position: FloatArray, velocity: FloatArray, may_sleep: bool) -> bool:
     """Store the start (n, 3) of a step and its loads; return whether the step can be skipped, see `is_at_rest`."""
-    return bool(_begin(step_at(address), position, velocity, may_sleep))
+    return bool(begin_own(step_at(address), position, velocity, may_sleep))
 
 
 @kernel
@@ -80,11 +85,12 @@ def continue_sleep(address: Address[FreeStep], position: FloatArray, velocity: F
     step = step_at(address)
     if not _is_at_rest(step, velocity):
         return False
-    return bool(_begin(step, position, velocity, may_sleep=True))
+    return bool(begin_own(step, position, velocity, may_sleep=True))
 
 
 @kernel
-def _begin(step: FreeStep, position: FloatArray, velocity: FloatArray, may_sleep: bool) -> bool:
+def begin_own(step: FreeStep, position: FloatArray, velocity: FloatArray, may_sleep: bool) -> bool:
+    """Do as `begin_step`."""
     is_asleep = bool(may_sleep and _is_at_rest(step, velocity))
     for i in range(position.shape[0]):
         for axis in range(3):

@@ -9,7 +9,7 @@ from trocar.services.mechanics.compiled.struct import Address
 from trocar.services.mechanics.rod import contact_response, implicit_kernels
 from trocar.services.mechanics.rod.banded import empty_columns
 from trocar.services.mechanics.rod.contact_energy_gain import remove_energy_gain_with_twist
-from trocar.services.mechanics.rod.frame_step import predict_with_frame
+from trocar.services.mechanics.rod.frame_step import predict_with_frame, step_freely_with_frame
 from trocar.services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, step_freely
 from trocar.services.mechanics.rod.model import RodModel, allocate_work, build_model
 from trocar.services.mechanics.rod.properties import RodProperties
@@ -97,7 +97,7 @@ class ImplicitIntegrator(StepGains):
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def step_freely(self, state: RodState, address: Address[FreeStep], dt_s: float, flags: tuple[bool, bool]) -> bool:
-        """Do as `predict` and `correct` do, for a rod without twist, in one kernel; return whether the rod slept.
+        """Do as `predict` and `correct` do, in one kernel; return whether the rod slept.
 
         ``flags`` are those of `free_step.step_freely`.
         Raises FloatingPointError if the state or a force is not finite.
@@ -108,7 +108,11 @@ class ImplicitIntegrator(StepGains):
             slow = np.zeros_like(state.velocity_m_s)
         motion = (state.position_m, state.velocity_m_s, slow)
         step = (dt_s, self.spectral_radius, self.max_iterations, is_start)
-        taken = step_freely(address, self.addresses, motion, self.held_target_m, step, flags)
+        if self.twist is None:
+            taken = step_freely(address, self.addresses, motion, self.held_target_m, step, flags)
+        else:
+            rod, scratch = (self.addresses, frame_task(self.twist, state)), (self._frame_step, self.held_target_m)
+            taken = step_freely_with_frame(address, rod, scratch, motion, step, flags)
         if taken == SLEPT:
             return True
         state.slow_velocity_m_s = slow

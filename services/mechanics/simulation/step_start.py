@@ -3,21 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 from trocar.services.mechanics.arrays import AnyArray, FloatArray
 from trocar.services.mechanics.compiled.memory import SavedArrays
-from trocar.services.mechanics.world import World
-
-
-class RestartablePart(Protocol):
-    """A part of a world whose state at the start of a step is more than arrays."""
-
-    def save_start(self) -> None:
-        """Save the state at the start of a step."""
-
-    def restore_start(self) -> None:
-        """Restore the saved state."""
+from trocar.services.mechanics.world import RestartablePart, World
 
 
 class StepStart:
@@ -32,12 +21,13 @@ class StepStart:
             tool_force,
             *world.squeeze.step_arrays(),
             *world.seal.step_arrays(),
-            *(array for effect in world.effects for array in effect.state_arrays()),
+            *(array for effect in world.effects for array in effect.step_arrays()),
         ]
         for part in (world.duct, world.catheter, world.tools, world.system, world.holds):
             live += part.step_arrays()
         self._arrays = SavedArrays(live)
         self._parts: list[RestartablePart] = [world.catheter, world.system, world.holds, *tools]
+        self._parts += [saved for effect in world.effects if (saved := effect.restartable) is not None]
         self._search = world.search
 
     def saved(self, array: AnyArray) -> AnyArray:

@@ -62,6 +62,17 @@ def test_a_dent_creeps_as_the_series_says(residual, t_s):
     assert not np.delete(acting, 7, axis=0).any()
 
 
+def test_a_step_that_is_taken_back_leaves_no_trace(residual):
+    pressed, force = Pressed(SERIES, residual), np.array([[0.1, 0.0, -0.2], [0.0, 0.3, 0.0]])
+    pressed.press([7, 2], force)
+    pressed.loads.save_start()
+    once, lag = pressed.press([7, 4], 2.0 * force), pressed.lag()
+    pressed.press([11, 12, 13], np.ones((3, 3)))
+    pressed.loads.restore_start()
+    np.testing.assert_array_equal(pressed.press([7, 4], 2.0 * force), once)
+    np.testing.assert_array_equal(pressed.lag(), lag)
+
+
 def test_a_dent_ends_where_the_lasting_modulus_says(residual):
     pressed = Pressed(PronySeries((0.45,), (0.02,)), residual)
     for _ in range(1000):

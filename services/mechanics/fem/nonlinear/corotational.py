@@ -36,7 +36,7 @@ from trocar.services.mechanics.fem.shell_model import ShellModel
 
 @dataclass(frozen=True)
 class Configuration:
-    """Where the nodes are and how far each has turned.
+    """Where the nodes are and how far each has turned: never changed in place, another one is made instead.
 
     Attributes:
         position_m: (n, 3).
@@ -79,6 +79,7 @@ class CorotationalShell:
         parts = _parts(len(xy))
         self._K = np.concatenate([local_stiffness(xy[p], D[p], thickness[p], model.elements) for p in parts])
         self.flat = xy - xy.mean(axis=1, keepdims=True)
+        self._last: tuple[Configuration, tuple[slice, _Deformation]] | None = None
 
     def energy_j(self, at: Configuration) -> float:
         """Strain energy in J."""
@@ -143,6 +144,16 @@ class CorotationalShell:
             yield part, turn(_local_tangent(K, state, raw), state.frame.axes)
 
     def _states(self, at: Configuration) -> Iterator[tuple[slice, _Deformation]]:
+        """Deform the triangles in parts; of a single part the last is kept, as Newton's method asks thrice for it."""
+        if self._last is not None and self._last[0] is at:
+            yield self._last[1]
+            return
+        for found in self._deformed(at):
+            if len(self.triangles) <= CHUNK:
+                self._last = at, found
+            yield found
+
+    def _deformed(self, at: Configuration) -> Iterator[tuple[slice, _Deformation]]:
         for part in _parts(len(self.triangles)):
             corners = self.triangles[part]
             frame = CarriedFrame.fit(at.position_m[corners], self.flat[part])

@@ -177,13 +177,18 @@ def _stretched(every: StretchSamples, model: ShellModel, basis: ModalBasis) -> F
 def _forces(every: StretchSamples, states: FloatArray, omega_rad_s: FloatArray) -> FloatArray:
     """(p, m) parts of every triangle in the forces on modes in states (r, s), over what would move all modes alike.
 
-    A soft mode, which hardly stretches the wall, would be moved far by a small error of its force.
+    A soft mode, which hardly stretches the wall, would be moved far by a small error of its force. The last rows are
+    the work of the forces of each state as that grows, over its sum: what a load does on the way there.
     """
     random, strain = np.random.default_rng(SEED), every.strain.reshape(-1, 3, len(omega_rad_s))
     forces = np.zeros((min(BUCKETS, states.size), strain.shape[0]))
-    for state in states.T:
-        _, stress, _ = every.law.respond(strain @ state)
+    works = np.zeros((states.shape[1], strain.shape[0]))
+    for state, work in zip(states.T, works, strict=True):
+        stretch = strain @ state
+        _, stress, _ = every.law.respond(stretch)
+        work[:] = every.energy_j * np.sum(stress * stretch, axis=1)
+        work /= work.sum()
         force = np.einsum("ma,mar->rm", every.energy_j[:, None] * stress, strain) / omega_rad_s[:, None] ** 2
         force *= random.choice((-1.0, 1.0), size=(len(force), 1)) / np.linalg.norm(force.sum(axis=1))
         np.add.at(forces, random.integers(len(forces), size=len(force)), force)
-    return forces
+    return np.concatenate([forces, works])

@@ -2,8 +2,9 @@
 
 The responses of the linear wall to pressure and pulls are residual vectors of the basis, see `stretch_loads`. Where the
 wall stiffens or gives way it moves otherwise: least where it was stretched most, as round a bend. So the law is solved
-on all degrees of freedom under an even pressure and a pull of its end, and the responses to the forces of what it is
-beyond the linear wall there are residual vectors too. These two states then are as all of the wall has them.
+on all degrees of freedom under an even pressure, a pull of its end and that pull turned to either side, which bends it.
+The responses to the forces of what it is beyond the linear wall there are residual vectors too. These states then are
+as all of the wall has them.
 """
 
 from __future__ import annotations
@@ -44,8 +45,16 @@ def _loads_of_law(
 ) -> FloatArray:
     """Return what the law bears beyond the linear wall (k, n, 3) where that is inflated, and where it is pulled."""
     pressed, pulled, at_rims = groups
-    wall, pull = StretchedWall(model, law), at_rims if len(at_rims) else pulled
-    return np.concatenate([wall.forces_beyond(load.sum(axis=0)) for load in (pressed, pull)])
+    wall, pull = StretchedWall(model, law), (at_rims if len(at_rims) else pulled).sum(axis=0)
+    forces = [wall.forces_beyond(load, SOLVED_Q) for load in (pressed.sum(axis=0), pull)]
+    return np.concatenate([*forces, *(wall.forces_beyond(load, SOLVED_Q[:1]) for load in _across(pull))])
+
+
+def _across(pull: FloatArray) -> FloatArray:
+    """Return the same forces (n, 3) turned to either side (2, n, 3): they bend the wall."""
+    _, _, axes = np.linalg.svd(pull, full_matrices=False)
+    turned: FloatArray = np.linalg.norm(pull, axis=1)[:, None] * axes[1:, None]
+    return turned
 
 
 class StretchedWall:
@@ -55,14 +64,17 @@ class StretchedWall:
         self._model, self._law = model, law
         self._strain, self._energy_j = strain_of_freedoms(model, law), taken_strain(model, law)[1]
 
-    def forces_beyond(self, load: FloatArray) -> FloatArray:
-        """Return the nodal forces (k, n, 3) beyond the linear ones at rest under parts of a load (n, 3)."""
+    def forces_beyond(self, load: FloatArray, forms: tuple[float, ...]) -> FloatArray:
+        """Return the nodal forces (k, n, 3) beyond the linear ones at rest under parts of a load (n, 3).
+
+        ``forms`` are those of `SOLVED_Q` that are solved for.
+        """
         whole = free_load(self._model, load)
         linear = self._model.factor.solve(whole)
         form = np.sum((self._strain @ linear).reshape(-1, 3) ** 2, axis=1).max() / self._law.unit_form
         at_rest: FloatArray | None = np.zeros_like(whole)
         forces, begun = [np.zeros((0, *load.shape))], 0.0
-        for wanted in SOLVED_Q:
+        for wanted in forms:
             ended = float(np.sqrt(wanted / form))
             at_rest = None if at_rest is None else self._follow(whole, (begun, ended), at_rest, PARTINGS)
             begun = ended

@@ -27,14 +27,14 @@ from trocar.services.mechanics.compiled.struct import Struct
 LINEAR, DELIVERED, GAIN, RHO, PART, TURN = range(6)
 """Numbers of a pattern: m . t and t . K t in J, g, rho, how much of its potential acts, which is 1 unless it stiffens,
 and the rho beyond which phi falls: zero where rho is negative, infinite where phi never falls."""
-N_NUMBERS = 6
+N_NUMBERS = TURN + 1  # as many as are named above
 MOST_SOFTENING = 0.9
 """Largest part of the linear stiffness that may be lost along a pattern; the rest brings the wall back."""
 MOST_STIFFENING = 0.8
 """Of the linear stiffness, that a wall pulled outward may take on beside it: s stays a growing function of theta."""
 MOST_TURNED = 0.95
 """The same of a wall whose law has turned."""
-BISECTIONS = 48
+BISECTIONS = 48  # halves of the largest load: 2^-48 is 4e-15, less than `PRECISION`
 SHORT = 1e-4
 """Of a displacement: on a shorter way the difference of the potential has fewer digits than the slope at its middle."""
 PRECISION = 1e-14

@@ -15,7 +15,7 @@ from trocar.services.mechanics.reduction.softening.softening_law import N_PARTS,
 if TYPE_CHECKING:
     from trocar.services.mechanics.reduction.softening.training import WallSoftening
 
-N_MIXED = N_PARTS + 1
+N_MIXED = N_PARTS + 1  # a coefficient for each part of the law, and by how much the nodes count
 N_SITES, FIRST, N_NODES, NODE = range(4)
 """What is made of a candidate: sites, the one of them that comes next, nodes, and the node that comes next."""
 

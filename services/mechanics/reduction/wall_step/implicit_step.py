@@ -539,21 +539,38 @@ def _line_search(wall: WallStep, enough: float) -> float:
     return length
 
 
+# Both go through the rows by four: what they read again for each of them, and `_spread` writes, is then read once.
 @summing_kernel
 def _multiply(rows: Float32Array, v: AnyArray, out: FloatArray) -> None:
     """Write rows times ``v`` (r,) into ``out`` (n,), summed in the precision of the products."""
-    for i in range(rows.shape[0]):
-        total = v.dtype.type(0.0)
+    whole, zero = rows.shape[0] // 4 * 4, v.dtype.type(0.0)
+    for i in range(0, whole, 4):
+        a, b, c, d = zero, zero, zero, zero
         for mode in range(v.shape[0]):
-            total += rows[i, mode] * v[mode]
-        out[i] = total
+            a += rows[i, mode] * v[mode]
+            b += rows[i + 1, mode] * v[mode]
+            c += rows[i + 2, mode] * v[mode]
+            d += rows[i + 3, mode] * v[mode]
+        out[i], out[i + 1], out[i + 2], out[i + 3] = a, b, c, d
+    for i in range(whole, rows.shape[0]):
+        a = zero
+        for mode in range(v.shape[0]):
+            a += rows[i, mode] * v[mode]
+        out[i] = a
 
 
 @kernel
 def _spread(rows: Float32Array, x: FloatArray, factor: float, out: AnyArray) -> None:
     """Add ``factor`` times rows, transposed, times ``x`` (n,) to ``out`` (r,)."""
-    for i in range(rows.shape[0]):
-        each = out.dtype.type(factor * x[i])
-        if each != 0.0:
+    whole = rows.shape[0] // 4 * 4
+    for i in range(0, whole, 4):
+        a, b = out.dtype.type(factor * x[i]), out.dtype.type(factor * x[i + 1])
+        c, d = out.dtype.type(factor * x[i + 2]), out.dtype.type(factor * x[i + 3])
+        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
             for mode in range(out.shape[0]):
-                out[mode] += rows[i, mode] * each
+                of_pairs = rows[i, mode] * a + rows[i + 1, mode] * b, rows[i + 2, mode] * c + rows[i + 3, mode] * d
+                out[mode] += of_pairs[0] + of_pairs[1]
+    for i in range(whole, rows.shape[0]):
+        each = out.dtype.type(factor * x[i])
+        for mode in range(out.shape[0]):
+            out[mode] += rows[i, mode] * each

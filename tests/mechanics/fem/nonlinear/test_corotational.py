@@ -48,6 +48,14 @@ def test_forces_are_the_gradient_of_the_energy(model, crumpled):
         assert slope == pytest.approx(force @ step, rel=1e-6)
 
 
+def test_what_is_kept_of_one_configuration_is_told_of_no_other(model, crumpled):
+    shell, other = CorotationalShell(model), crumpled.moved(directions(model, 1)[0])
+    for at in (crumpled, other, crumpled):
+        alone = CorotationalShell(model)
+        np.testing.assert_array_equal(shell.forces(at), alone.forces(at))
+        np.testing.assert_array_equal(shell.tangent(at).toarray(), alone.tangent(at).toarray())
+
+
 def test_the_tangent_is_the_derivative_of_the_forces(model, crumpled):
     shell = CorotationalShell(model)
     K = shell.tangent(crumpled)
