@@ -56,7 +56,7 @@ def _plain(value: Any) -> Any:
 def branching_mesh(tubes: list[Tube], edge_m: float) -> TriangleMesh:
     """Return the surface, not from the cache; see `load_branching`."""
     ends = _open_ends(tubes)
-    surface = _cut(contour_union(tubes, edge_m / _CELLS_PER_EDGE), ends)
+    surface = _cut(contour_union(tubes, edge_m / _CELLS_PER_EDGE), tubes, ends)
     mesh = remesh(_outward(surface), edge_m)
     if any(tube.has_details for tube in tubes):
         mesh = refine(mesh, _details_m(tubes, edge_m))
@@ -74,9 +74,10 @@ def _details_m(tubes: list[Tube], edge_m: float) -> Callable[[FloatArray], Float
 
 @dataclasses.dataclass(frozen=True)
 class _End:
-    """An open end: the set's name, its middle, the unit vector out of it, and its radius."""
+    """An open end: the set's name, the tube that ends, its middle, the unit vector out of it, and its radius."""
 
     name: str
+    tube: Tube
     middle_m: FloatArray
     outward: FloatArray
     radius_m: float
@@ -84,13 +85,13 @@ class _End:
 
 def _open_ends(tubes: list[Tube]) -> list[_End]:
     trunk = tubes[0]
-    ends = [_End("mouth", trunk.origin_m, -trunk.axes[0], trunk.radius_m)]
+    ends = [_End("mouth", trunk, trunk.origin_m, -trunk.axes[0], trunk.radius_m)]
     for tube in tubes:
         if name := tube.near_opening():
-            ends.append(_End(name, tube.origin_m, -tube.axes[0], tube.radius_m))
+            ends.append(_End(name, tube, tube.origin_m, -tube.axes[0], tube.radius_m))
         if tube.far_end in ("held", "free"):
             middle_m, axes = tube.place(tube.length_m)
-            ends.append(_End(tube.name, middle_m, axes[0], tube.end_radius_m))
+            ends.append(_End(tube.name, tube, middle_m, axes[0], tube.end_radius_m))
     return ends
 
 
@@ -107,13 +108,16 @@ def contour_union(tubes: list[Tube], cell_m: float) -> Any:
     return grid.contour([0.0], scalars="distance_m", method="flying_edges").clean()
 
 
-def _cut(surface: Any, ends: list[_End]) -> Any:
-    """Take off the rounded caps beyond the open ends."""
+def _cut(surface: Any, tubes: list[Tube], ends: list[_End]) -> Any:
+    """Take off the rounded caps beyond the open ends, and nothing of a tube that passes beside an end."""
     for end in ends:
-        away = np.asarray(surface.points, dtype=np.float64) - end.middle_m
-        beyond_m = away @ end.outward
-        is_near = np.linalg.norm(away, axis=1) < _CUT_RADII * end.radius_m
-        surface["beyond_m"] = np.where(is_near, beyond_m, -end.radius_m)
+        points_m = np.asarray(surface.points, dtype=np.float64)
+        away = points_m - end.middle_m
+        is_cap = np.linalg.norm(away, axis=1) < _CUT_RADII * end.radius_m
+        near_m = points_m[is_cap]
+        own_m = end.tube.distance_m(near_m)
+        is_cap[is_cap] = np.all([own_m <= tube.distance_m(near_m) for tube in tubes], axis=0)
+        surface["beyond_m"] = np.where(is_cap, away @ end.outward, -end.radius_m)
         surface = surface.clip_scalar(scalars="beyond_m", invert=True, value=0.0)
     return surface.extract_surface(algorithm="dataset_surface").triangulate().clean()
 

@@ -22,6 +22,8 @@ from trocar.services.mechanics.scene.scene_model import DuctScene
 from trocar.services.mechanics.surface.branched_tubes import union_distance_m
 from trocar.services.mechanics.surface.curved_tube import CurvedTube
 from trocar.services.mechanics.surface.mesh import TriangleMesh
+from trocar.services.meshes.branching import branching_mesh
+from trocar.services.meshes.openings import find_openings
 
 WALL_M = 0.8e-3
 
@@ -192,3 +194,15 @@ def test_it_is_one_body_with_the_common_duct() -> None:
     tubes = cystic_tubes(CysticDuctScene(seed=1, folds=0), WALL_M)
     way = np.concatenate([tube.place(at)[0][None] for tube in tubes for at in np.linspace(0.0, tube.length_m, 50)])
     assert union_distance_m(tubes, way).max() < 0.0
+
+
+def test_the_mouth_is_cut_where_the_common_duct_passes_close_by() -> None:
+    """One of sixty patients: short, at a sharp angle, thick; the cut at the mouth nicked the common duct."""
+    beside = CysticDuctScene(seed=164250419, common_length_m=20e-3)
+    mesh = branching_mesh(duct_tubes(DuctScene(cystic=beside, thickness_m=1.417e-3)), 0.83e-3)
+    openings = find_openings(mesh)
+    assert len(openings) == 3
+    widths_m = sorted(opening.diameter_m for opening in openings)
+    drawn = drawn_cystic_duct(beside)
+    said_m = sorted([drawn.width_m + 1.417e-3, drawn.common_width_m + 1.417e-3, drawn.common_width_m + 1.417e-3])
+    np.testing.assert_allclose(widths_m, said_m, rtol=0.02)
