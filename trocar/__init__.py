@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from trocar.front import ProbeScene as ProbeScene
     from trocar.front import QualityLevel as QualityLevel
     from trocar.front import ReducedDuct as ReducedDuct
+    from trocar.front import RestartablePart as RestartablePart
     from trocar.front import RodProperties as RodProperties
     from trocar.front import Scene as Scene
     from trocar.front import ShellSection as ShellSection
@@ -92,6 +93,7 @@ __all__ = [
     "ProbeScene",
     "QualityLevel",
     "ReducedDuct",
+    "RestartablePart",
     "RodProperties",
     "Scene",
     "ShellSection",

@@ -42,7 +42,7 @@ from trocar.services.mechanics.scene.tools import ToolResults as HandResults
 from trocar.services.mechanics.scene.wall_bar import WallBar
 from trocar.services.mechanics.simulation import Simulation
 from trocar.services.mechanics.surface.mesh import TriangleMesh
-from trocar.services.mechanics.world import World, WorldEffect
+from trocar.services.mechanics.world import RestartablePart, World, WorldEffect
 from trocar.services.runtime.errors import ConfigError
 from trocar.services.scenes import load_duct, load_scene
 from trocar.services.scenes.hands import hands_of
@@ -109,6 +109,7 @@ NAMED_ONLY = frozenset(
         "IntroducerSeal",
         "JawSqueeze",
         "ReducedDuct",
+        "RestartablePart",
         "RodProperties",
         "ShellSection",
         "ToolBody",
@@ -150,6 +151,7 @@ __all__ = [
     "ProbeScene",
     "QualityLevel",
     "ReducedDuct",
+    "RestartablePart",
     "RodProperties",
     "Scene",
     "ShellSection",
