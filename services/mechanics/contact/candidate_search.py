@@ -62,8 +62,10 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.tools import N_TOOLS
 
 LayersOut = tuple[FloatArray, FloatArray]
-#: Maximum number of closest pairs: a duct that two jaws have pinched shut has 600 within a millimetre.
-CAPACITY = 4096
+PIECES_OF_TRIANGLE, LEAST_PAIRS = 4, 4096
+"""Room for closest pairs: so many for each of the wall's triangles, and not fewer than on a coarse wall, of which each
+triangle is long beside a segment. Where a catheter fills the lumen, a triangle is within a millimetre of the segment
+before it, of those beside that, and of a tool: 2.5 was the most in 60 drawn scenes."""
 
 
 class SearchArrays(Struct):
@@ -105,14 +107,15 @@ class CandidateSearch:
         mesh, n_pieces = self._duct.mesh, len(known.list.count)
         ahead_m = np.full(n_pieces, self._row_gap_m)
         ahead_m[N_TOOL_PIECES : self._end] = self._catheter_ahead_m
-        rest, sizes = np.ascontiguousarray(mesh.vertices_m), {"p": n_pieces, "m": len(mesh.triangles), "c": CAPACITY}
+        n_pairs = max(PIECES_OF_TRIANGLE * len(mesh.triangles), LEAST_PAIRS)
+        rest, sizes = np.ascontiguousarray(mesh.vertices_m), {"p": n_pieces, "m": len(mesh.triangles), "c": n_pairs}
         self._arrays: SearchArrays = SearchArrays.zeros(
             known=known,
             start_wall=place_wall(self._duct, known.wall),
             p=n_pieces,
             ahead=ahead_m,
-            found=Candidates.zeros(c=CAPACITY),
-            violations=Candidates.zeros(c=CAPACITY),
+            found=Candidates.zeros(c=n_pairs),
+            violations=Candidates.zeros(c=n_pairs),
             working=WorkingSet.zeros(rest=rest, first_sphere=self._end, **sizes),
             capsules=CapsuleMemory.zeros(m=n_pieces, n=self._end - N_TOOL_PIECES, n_apart=self._n_apart),
             beside=BesideJaws.zeros(bound=np.full((N_TOOLS, len(mesh.triangles)), -math.inf)),
