@@ -13,16 +13,25 @@ export class Coach {
   // view(): as it is now; school: who is asked for an example
   constructor(view, school) {
     Object.assign(this, { view, school });
-    this.mode = "full";
+    Object.assign(this, { ofCourse: "full", isExamined: false });
     this.seen = { id: "", errors: {} };
     this.told = new Map();
     $("ghost").onclick = () => this.switchGhost();
   }
 
-  // full, faded or none: in an examination nobody helps.
+  // full, faded or none: in an examination nobody helps, whatever the course says.
+  get mode() {
+    return this.isExamined ? "none" : this.ofCourse;
+  }
+
   setMode(mode, successes = 0) {
-    this.mode = mode;
     this.successes = successes;
+    this.ofCourse = mode;
+    this.showMode();
+  }
+
+  showMode() {
+    const { mode } = this;
     document.body.dataset.coaching = mode;
     if (mode === "none") this.endGhost();
     $("ghost").disabled = mode === "none";
@@ -34,6 +43,10 @@ export class Coach {
 
   update(attempt) {
     if (!attempt) return;
+    if (this.isExamined !== Boolean(attempt.examined)) {
+      this.isExamined = Boolean(attempt.examined);
+      this.showMode();
+    }
     const isKnown = this.seen.id !== ""; // what went wrong before the page was there is no news
     const before = !isKnown ? attempt.errors : attempt.attempt_id === this.seen.id ? this.seen.errors : {};
     for (const [code, count] of Object.entries(attempt.errors ?? {})) {

@@ -205,7 +205,7 @@ export class SchoolPage {
     if (!attempt) return;
     this.handled ??= attempt.state === "done" ? attempt.attempt_id : ""; // what ended before the page was there
     this.keeper.follow(attempt).catch((error) => text($("school-remark"), error.message));
-    const examines = this.coach.mode === "none";
+    const examines = this.coach.ofCourse === "none";
     if (this.state?.trainee && attempt.examined !== examines && attempt.state === "armed" && !this.asked) {
       this.asked = true;
       this.orders.ask("examine", examines ? 1 : 0).finally(() => setTimeout(() => (this.asked = false), 1000));
