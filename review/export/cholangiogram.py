@@ -23,7 +23,7 @@ RATE_M3_S = 0.25e-6
 """Injected per second: a gentle hand, which fills a duct of a millilitre in some seconds; an assumption."""
 _TICK_S = 1e-3
 _LONGEST_S = 0.05
-"""Longest step of the flow: a picture's time in a film, in which 12 mm3 come, a third of a usual cell."""
+"""Longest step of the flow, in which 12 mm3 come: less than a cell of a lumen that is 5 mm wide."""
 _SAMPLE_M = 0.2e-3
 """Distance of the places that stand for a body in the cells: a third of a cell's length."""
 EDGE_M = 0.5e-3
