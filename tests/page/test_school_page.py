@@ -165,6 +165,9 @@ def test_own_attempts_are_listed_and_two_are_seen_side_by_side(page: SchoolPage)
         page.bench.take_assessment(assessed(name), None)
     page.press("#my-attempts")
     page.until("document.querySelectorAll('table.attempts tbody tr').length >= 2", "the list")
+    page.until("document.querySelector('.seen[hidden]') !== null", "that an attempt has no picture is known")
+    heights = "[...document.querySelectorAll('.seen')].map((e) => e.getBoundingClientRect().height)"
+    assert set(page.browser.evaluate(heights)) == {60}, "rows that move under a hand are missed"
     for k in (1, 2):
         page.press(f"table.attempts tbody tr:nth-child({k}) input")
     page.press("#sheet-body .controls button")
