@@ -77,7 +77,7 @@ class ContactForces(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     max_penetration_m: float = 0.0
 
 
-_NO_STONES = pack(np.zeros((0, 3)))
+NO_STONES = pack(np.zeros((0, 3)))
 
 
 class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -105,7 +105,7 @@ class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
         int, Meta(ge=1, le=16, description="ticks per step of physics, which reads tools once a step")
     ] = 1
     stones_m: Annotated[Array, spec("<f8", ("stones", 3), "middles of the stones, in the scene's order, in m")] = (
-        _NO_STONES
+        NO_STONES
     )
 
     def reactions(self, most: int | None = None) -> tuple[ToolReaction, ...]:

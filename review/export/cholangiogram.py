@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trocar.protocol.topics import TICK_S
 from trocar.review.export.contrast_flow import Channel, ContrastFlow, free_channel
 from trocar.review.export.fluoroscopy import Fluoroscope, rod
 from trocar.review.export.lumen_cells import LumenCells, fan_m
@@ -21,7 +22,6 @@ CONTRAST_1_M = 114.0
 """Attenuation that half-strength agent adds: 150 mg of iodine per ml, 7.58 cm2/g of iodine at 60 keV (NIST XCOM)."""
 RATE_M3_S = 0.25e-6
 """Injected per second: a gentle hand, which fills a duct of a millilitre in some seconds; an assumption."""
-_TICK_S = 1e-3
 _LONGEST_S = 0.05
 """Longest step of the flow, in which 12 mm3 come: less than a cell of a lumen that is 5 mm wide."""
 _SAMPLE_M = 0.2e-3
@@ -54,8 +54,9 @@ class Cholangioscope(Fluoroscope):
         if layout.rest_m is not self._rest_m or picture.tick < self._tick:
             self._begin(layout, picture.tick)
         inner_m = self._wall_m[self._wall.n_middle : 2 * self._wall.n_middle]
-        lumen = Lumen(self._cells, self._cells.corners_m(inner_m), displacers(layout, picture))
-        self._flow_to(picture, lumen)
+        tip_m = picture.centreline_m[-1:].astype(float)
+        lumen = Lumen(self._cells, self._cells.corners_m(inner_m), displacers(layout, picture), tip_m)
+        self._flow_to(picture.tick, lumen)
         self._draw_contrast(lumen)
 
     def _begin(self, layout: PictureLayout, tick: int) -> None:
@@ -68,17 +69,14 @@ class Cholangioscope(Fluoroscope):
         ends = zip(self._cells.openings, self._cells.opening_cells, strict=True)
         self._outlets = np.array([cell for rim, cells in ends if not tied & set(rim.tolist()) for cell in cells], int)
 
-    def _flow_to(self, picture: Picture, lumen: Lumen) -> None:
-        """Inject up to the time of a picture, at the catheter's tip."""
-        passed_s, self._tick = (picture.tick - self._tick) * _TICK_S, picture.tick
-        if passed_s <= 0.0 or not len(picture.centreline_m):
-            return
-        tip = int(lumen.cells.cells_at(lumen.corners_m, picture.centreline_m[-1:].astype(float))[0])
-        if tip < 0:
+    def _flow_to(self, tick: int, lumen: Lumen) -> None:
+        """Inject up to a tick, at the catheter's tip."""
+        passed_s, self._tick = (tick - self._tick) * TICK_S, tick
+        if passed_s <= 0.0 or lumen.tip is None:
             return
         channel, steps = lumen.channel(self._outlets), int(np.ceil(passed_s / _LONGEST_S))
         for _ in range(steps):
-            self.flow.inject(channel, tip, RATE_M3_S, passed_s / steps)
+            self.flow.inject(channel, lumen.tip, RATE_M3_S, passed_s / steps)
 
     def _draw_contrast(self, lumen: Lumen) -> None:
         """Add what the agent weakens, less what bodies displace of it."""
@@ -111,29 +109,37 @@ class Displacer:
 
 
 class Lumen:
-    """The cells of a lumen as the wall is now, and the bodies in it."""
+    """The cells of a lumen as the wall is now, the bodies in it, and the cell of a tip (1, 3), or of none (0, 3).
 
-    def __init__(self, cells: LumenCells, corners_m: FloatArray, bodies: list[Displacer]) -> None:
+    Attributes:
+        bodies: Those of the bodies that are in the lumen.
+        cells_of_bodies: For each of them the cells of its places.
+        tip: The tip's cell, None outside.
+    """
+
+    def __init__(self, cells: LumenCells, corners_m: FloatArray, bodies: list[Displacer], tip_m: FloatArray) -> None:
         self.cells, self.corners_m = cells, corners_m
-        middles_m = np.array([body.middle_m for body in bodies]).reshape(-1, 3)
-        inside = cells.cells_at(corners_m, middles_m) >= 0
-        self.bodies = [body for body, is_inside in zip(bodies, inside, strict=True) if is_inside]
-        ends = np.cumsum([len(body.places_m) for body in self.bodies])
-        places_m = np.concatenate([np.zeros((0, 3)), *(body.places_m for body in self.bodies)])
-        self.cells_of_bodies = np.split(cells.nearest_cells(corners_m, places_m), ends[:-1]) if self.bodies else []
+        inside = cells.contains(corners_m, np.concatenate([tip_m, *(body.middle_m[None] for body in bodies)]))
+        tips, of_bodies = np.split(inside, [len(tip_m)])
+        self.bodies = [body for body, is_inside in zip(bodies, of_bodies, strict=True) if is_inside]
+        ends = np.cumsum([len(tip_m), *(len(body.places_m) for body in self.bodies)])
+        places_m = np.concatenate([tip_m, *(body.places_m for body in self.bodies)])
+        tip, *self.cells_of_bodies = np.split(cells.nearest_cells(corners_m, places_m), ends[:-1])
+        self.tip = int(tip[0]) if tips.any() else None
 
     def channel(self, outlets: IntArray) -> Channel:
         """Return what bodies leave of the cells for a fluid that leaves through ``outlets``."""
-        filled_m3, wetted_m2 = np.zeros(self.cells.n), self.cells.wall_areas_m2(self.corners_m)
+        walls_m2 = self.cells.wall_areas_m2(self.corners_m)
+        filled_m3, wetted_m2 = np.zeros(self.cells.n), walls_m2.copy()
         for body, inside in zip(self.bodies, self.cells_of_bodies, strict=True):
             there = np.bincount(inside, minlength=self.cells.n) / len(inside)
             filled_m3 += body.volume_m3 * there
             wetted_m2 += body.area_m2 * there
         volume_m3 = free_channel(self.cells.volumes_m3(self.corners_m), filled_m3)
         links = np.array([(cap.inner, cap.outer) for cap in self.cells.borders], int).reshape(-1, 2)
-        return Channel(volume_m3, wetted_m2, self._lengths_m(), links, outlets)
+        return Channel(volume_m3, wetted_m2, self._lengths_m(walls_m2), links, outlets)
 
-    def _lengths_m(self) -> FloatArray:
+    def _lengths_m(self, walls_m2: FloatArray) -> FloatArray:
         """Return how far it is through each cell: between those two of its ends that are farthest apart."""
         ends: list[list[FloatArray]] = [[] for _ in range(self.cells.n)]
         for cap, middle_m in zip(self.cells.borders, self.cells.border_middles_m(self.corners_m), strict=True):
@@ -142,8 +148,7 @@ class Lumen:
         for rim, cells in zip(self.cells.openings, self.cells.opening_cells, strict=True):
             for cell in cells:
                 ends[cell].append(self.corners_m[rim].mean(axis=0))
-        areas_m2 = self.cells.wall_areas_m2(self.corners_m)
-        return np.array([_farthest_m(np.array(each), area) for each, area in zip(ends, areas_m2, strict=True)])
+        return np.array([_farthest_m(np.array(each), area) for each, area in zip(ends, walls_m2, strict=True)])
 
 
 def _farthest_m(places_m: FloatArray, area_m2: float) -> float:
@@ -155,10 +160,11 @@ def _farthest_m(places_m: FloatArray, area_m2: float) -> float:
 
 def displacers(layout: PictureLayout, picture: Picture) -> list[Displacer]:
     """Return the segments of catheter and wire, and the stones."""
+    line_m = picture.centreline_m.astype(float)
     bodies = [
         _segment(ends_m, radius_m)
         for part, radius_m in layout.rods()
-        for ends_m in np.lib.stride_tricks.sliding_window_view(picture.centreline_m[part], 2, axis=0).transpose(0, 2, 1)
+        for ends_m in np.lib.stride_tricks.sliding_window_view(line_m[part], 2, axis=0).transpose(0, 2, 1)
     ]
     balls = zip(picture.stones_m.astype(float), layout.stone_radii_m, strict=False)
     return bodies + [_ball(middle_m, radius_m) for middle_m, radius_m in balls]

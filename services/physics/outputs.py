@@ -13,6 +13,7 @@ from trocar.protocol.arrays import Array
 from trocar.protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
 from trocar.protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_POSITION
 from trocar.protocol.bodies.physics import (
+    NO_STONES,
     REACTION_COLUMNS,
     REACTION_CONTACTS,
     REACTION_FORCE,
@@ -42,7 +43,6 @@ from trocar.services.runtime.loop.flat_view import flat_view
 _INSERTED_EVERY = 16
 # Kinds of contacts on the wire.
 TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
-_NO_STONES = Array("<f8", (0, 3), b"")
 _TOOL_BYTES = TOOL_COLUMNS * np.dtype(float).itemsize
 
 
@@ -170,7 +170,7 @@ class Outputs:
 
     def _stones(self) -> Array:
         if not self._with_spheres:
-            return _NO_STONES
+            return NO_STONES
         return pack_contiguous(np.concatenate([each.sphere_places_m() for each in self._with_spheres]))
 
     def _contacts(self) -> ContactForces:

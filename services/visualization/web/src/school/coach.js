@@ -13,7 +13,7 @@ export class Coach {
   // view(): as it is now; school: who is asked for an example
   constructor(view, school) {
     Object.assign(this, { view, school });
-    Object.assign(this, { ofCourse: "full", isExamined: false });
+    this.ofCourse = "full";
     this.seen = { id: "", errors: {} };
     this.told = new Map();
     $("ghost").onclick = () => this.switchGhost();
@@ -21,7 +21,7 @@ export class Coach {
 
   // full, faded or none: in an examination nobody helps, whatever the course says.
   get mode() {
-    return this.isExamined ? "none" : this.ofCourse;
+    return this.attempt?.examined ? "none" : this.ofCourse;
   }
 
   setMode(mode, successes = 0) {
@@ -43,10 +43,7 @@ export class Coach {
 
   update(attempt) {
     if (!attempt) return;
-    if (this.isExamined !== Boolean(attempt.examined)) {
-      this.isExamined = Boolean(attempt.examined);
-      this.showMode();
-    }
+    if (document.body.dataset.coaching !== this.mode) this.showMode();
     const isKnown = this.seen.id !== ""; // what went wrong before the page was there is no news
     const before = !isKnown ? attempt.errors : attempt.attempt_id === this.seen.id ? this.seen.errors : {};
     for (const [code, count] of Object.entries(attempt.errors ?? {})) {
