@@ -10,13 +10,18 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from trocar.services.files.trusted_path import fault_of_place
 
 #: What no run has used for so long is removed. Assumption: after a quarter of a year nobody goes back to other code.
 UNUSED_S = 90.0 * 86400.0
+#: What the bases keep of the disk, in bytes. The largest entry of a drawn duct takes half a gigabyte and most take
+#: 30 to 130 MB, so every scene and duct that a user goes back to stays, and a study of hundreds of ducts does not.
+KEPT_BYTES = 8 << 30
+#: What a run used so lately is never removed, in seconds: a start opens its arrays within a minute of asking for them.
+IN_USE_S = 600.0
 #: Folder of dumps in the cache, which no program reads.
 _FOR_PEOPLE = "dumps"
 
@@ -87,6 +92,31 @@ def forget_unused(paths: Iterable[Path]) -> None:
         with contextlib.suppress(OSError):  # another process was faster, or it is not this user's
             if time.time() - path.stat().st_mtime > UNUSED_S:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def forget_beyond(limit_bytes: int, folders: Iterable[Path]) -> None:
+    """Remove the folders that were used longest ago until the rest takes at most so many bytes.
+
+    Their own times say when they were used last. What was used within `IN_USE_S` stays, even where that is too much.
+    """
+    kept_bytes, now_s = 0, time.time()
+    for used_s, folder in sorted(_uses(folders), reverse=True):
+        kept_bytes += _bytes_of(folder)
+        if kept_bytes > limit_bytes and now_s - used_s > IN_USE_S:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _uses(folders: Iterable[Path]) -> Iterator[tuple[float, Path]]:
+    for folder in folders:
+        with contextlib.suppress(OSError):  # another process was faster
+            yield folder.stat().st_mtime, folder
+
+
+def _bytes_of(folder: Path) -> int:
+    try:
+        return sum(path.stat().st_size for path in folder.iterdir())
+    except OSError:  # another process was faster
+        return 0
 
 
 @functools.cache

@@ -5,8 +5,8 @@ renamed into it, so a reader sees all of it or nothing; a lock file keeps proces
 the same entry twice. Nothing is pickled. What is not as it was written when it is fetched is made anew, and so is what
 others can change: the hashes lie beside the data, so whoever changes one can change the other.
 
-Other code makes entries of other names (`content_hash.entry_name`). Those of a kind that no run has used for long are
-removed when one of that kind is made.
+Other code makes entries of other names (`content_hash.entry_name`), and every duct makes its own. When an entry is
+made, those used longest ago go until the folder takes no more of the disk than `KEPT_BYTES`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,14 @@ from typing import Any, Literal, TypeVar, get_type_hints
 
 import numpy as np
 
-from trocar.services.files.cache_directory import cache_directory, discard, fault_in, forget_unused, make_folders
+from trocar.services.files.cache_directory import (
+    KEPT_BYTES,
+    cache_directory,
+    discard,
+    fault_in,
+    forget_beyond,
+    make_folders,
+)
 
 T = TypeVar("T")
 
@@ -103,7 +110,7 @@ def fetch(cache_dir: Path, name: str, make: Callable[[Entry], None]) -> Entry:
             if fault := _fault(folder):
                 discard(folder, fault)  # a process that has mapped it keeps what it has
                 _make_atomically(folder, make)
-                forget_unused(cache_dir.glob(f"{name.partition('-')[0]}-*"))
+                forget_beyond(KEPT_BYTES, _entries_of(cache_dir))
     with contextlib.suppress(OSError):  # a cache that is only read
         os.utime(folder)
     return Entry(folder)
@@ -143,7 +150,13 @@ def _load_record(entry: Entry, prefix: str, kind: Any) -> Any:
     return kind(**values)
 
 
+def _entries_of(cache_dir: Path) -> Iterator[Path]:
+    return (path for path in cache_dir.glob("[!.]*-*") if path.is_dir())
+
+
 def _make_atomically(folder: Path, make: Callable[[Entry], None]) -> None:
+    for left in folder.parent.glob(f".{folder.name}.*/"):  # by a process that was killed: this one has the lock
+        shutil.rmtree(left, ignore_errors=True)
     unfinished = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
         make(Entry(unfinished))

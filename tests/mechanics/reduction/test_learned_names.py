@@ -5,10 +5,10 @@ import re
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.conftest import MAKERS
-from trocar.services.files.cache_directory import UNUSED_S
 from trocar.services.kernels.source_closure import Sources, own_sources
 from trocar.services.mechanics.reduction import cache, content_hash
 from trocar.services.mechanics.reduction.content_hash import entry_name
@@ -52,14 +52,43 @@ def test_a_mesh_follows_from_the_readers_of_files_too():
     assert "trocar.services.meshes.inp_file" in own_sources().closure(READER)
 
 
-def test_what_no_run_has_used_for_long_goes_when_another_of_its_kind_is_made(tmp_path):
-    made = {
-        name: cache.fetch(tmp_path, name, lambda entry: entry.describe(kind="rest"))
-        for name in ("rest-1", "rest-2", "mesh-1")
-    }
-    long_ago_s = time.time() - UNUSED_S - 60.0
-    for entry in made.values():
-        os.utime(entry.folder, (long_ago_s, long_ago_s))
-    cache.fetch(tmp_path, "rest-2", lambda entry: pytest.fail("it is there"))
-    cache.fetch(tmp_path, "rest-3", lambda entry: entry.describe(kind="rest"))
-    assert {path.name for path in tmp_path.glob("[!.]*")} == {"rest-2", "rest-3", "mesh-1"}
+@pytest.fixture
+def three_entries(tmp_path, monkeypatch):
+    """Return a folder with three entries of 8 kB and room for three, the first of them used last, an hour ago."""
+    monkeypatch.setattr(cache, "KEPT_BYTES", 30_000)
+    an_hour_ago_s = time.time() - 3600.0
+    for age_s, name in enumerate(("rest-1", "mesh-2", "rest-3")):
+        entry = cache.fetch(tmp_path, name, _fill)
+        os.utime(entry.folder, (an_hour_ago_s - age_s, an_hour_ago_s - age_s))
+    return tmp_path
+
+
+def _fill(entry):
+    entry.save("array", np.zeros(1000))
+    entry.describe(kind="rest")
+
+
+def _names(folder):
+    return {path.name for path in folder.glob("[!.]*")}
+
+
+def test_of_more_than_the_cache_may_keep_what_was_used_longest_ago_goes(three_entries):
+    cache.fetch(three_entries, "mesh-2", lambda entry: pytest.fail("it is there"))
+    cache.fetch(three_entries, "rest-4", _fill)
+    assert _names(three_entries) == {"rest-1", "mesh-2", "rest-4"}
+
+
+def test_what_a_start_may_still_have_to_open_stays_even_beyond_the_limit(three_entries):
+    for name in ("rest-1", "mesh-2", "rest-3"):
+        os.utime(three_entries / name)
+    cache.fetch(three_entries, "rest-4", _fill)
+    assert len(_names(three_entries)) == 4
+
+
+def test_what_a_killed_process_left_half_made_goes_with_the_next_that_makes_it(tmp_path):
+    left = tmp_path / ".rest-1.x7f_a2"
+    left.mkdir()
+    (left / "array.npy").write_bytes(b"half of")
+    cache.fetch(tmp_path, "rest-1", _fill)
+    assert not left.exists()
+    assert _names(tmp_path) == {"rest-1"}
