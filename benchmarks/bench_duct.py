@@ -157,7 +157,7 @@ class ContactTick:
         rows = (self.modes, *self.moved)
         gather_modes((self.triangles, self.weights), self.basis.Phi, (self.state.q, self.state.qdot), rows)
         self.residual.gather_points(self.triangles, self.weights, self.W, self.each)
-        add_modal_compliance(self.modes, self.gain, self.scratch, self.W, self.each)
+        add_modal_compliance(self.modes, self.gain, self.scratch, self.W, self.each, 0)
         np.dot(self.contact_forces, self.modes, out=self.force)
         self.out[:] = 0.0
         self.residual.apply(self.loaded, self.loads, self.loaded, self.out)

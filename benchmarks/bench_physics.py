@@ -184,7 +184,7 @@ _EACH = np.arange(37, dtype=np.int32)
 def floor() -> None:
     """Sums of products that never leave the first two caches."""
     for _ in range(8):
-        add_modal_compliance(_MODES, _GAIN, _SCRATCH, _W, _EACH)
+        add_modal_compliance(_MODES, _GAIN, _SCRATCH, _W, _EACH, 0)
 
 
 def tick_rows(cache: Path, samples: int) -> tuple[list[Row], list[Fact]]:

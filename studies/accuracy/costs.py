@@ -81,6 +81,6 @@ def _floor_tick() -> Tick:
 
     def tick() -> None:
         for _ in range(4):
-            add_modal_compliance(modes, gain, scratch, out, each)
+            add_modal_compliance(modes, gain, scratch, out, each, 0)
 
     return tick

@@ -160,16 +160,21 @@ class DuctBody:
         """Set the number of loads after a caller has rewritten ``load_nodes`` and ``load_force_n``."""
         self._n_loads[0] = count
 
-    def compliance(self, nodes: IntArray, weights: FloatArray, out: FloatArray, *, anew: bool = False) -> None:
+    def compliance(
+        self, nodes: IntArray, weights: FloatArray, out: FloatArray, first: int = 0, *, anew: bool = False
+    ) -> int:
         """Write the compliance between the points of the last `gather` into the lower blocks of ``out`` (3 k, 3 k).
 
         In m/N at the end of the step, along world axes. It includes all modes, because forces act on all of them: with
         fewer the wall would yield more than the solve knows, and every tick would add energy. ``anew`` bypasses the
-        cache between nodes.
+        cache between nodes. What couples the points before ``first`` is there already. Return the first point whose
+        blocks were written: that one, or 0.
         """
-        rows = self.modes[: 3 * len(nodes)]
-        compliance = self._motion.compliance_uncached if anew else self._motion.compliance
-        compliance((nodes, weights), rows, self.position_gain, out)
+        points, rows, gain = (nodes, weights), self.modes[: 3 * len(nodes)], self.position_gain
+        if anew:
+            self._motion.compliance_uncached(points, rows, gain, out)
+            return 0
+        return self._motion.compliance(points, rows, gain, out, first)
 
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""

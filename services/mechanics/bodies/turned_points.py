@@ -116,15 +116,15 @@ def gather_turned(
 
 @kernel
 def weigh_turned(
-    places: TurnedPlaces, points: Points, source: IntArray, rotations: FloatArray, out: FloatArray
+    places: TurnedPlaces, points: Points, source: IntArray, rotations: FloatArray, out: FloatArray, from_point: int
 ) -> bool:
     """Write which points are the same, the rotations (3 k, 3, 3) of their corners, and the compliance that is kept.
 
-    False where a corner has no place there; the last is then not written.
+    The last is written from a point on, and not where a corner has no place there: that returns False.
     """
-    find_sources(points, source)
+    find_sources(points, source, from_point)
     node_rotations(places[0], points[0].reshape(-1), rotations)
-    return bool(weigh_turned_blocks(places[1], points, rotations, out, source))
+    return bool(weigh_turned_blocks(places[1], points, rotations, out, source, from_point))
 
 
 @kernel

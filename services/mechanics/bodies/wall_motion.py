@@ -67,17 +67,22 @@ class PointCompliance:
         self.reduced.residual.apply(loads[0], loads[1], corners.node[:u], corners.displacement_m[:u])
         apply_corner_displacements(weights, corners.address, u, out)
 
-    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
-        """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
+    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray, first: int = 0) -> int:
+        """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``.
+
+        What couples the points before ``first`` is there already. Return the first point whose blocks were written:
+        that one, or 0.
+        """
         self.compliance_uncached(points, rows, gain, out)
+        return 0
 
     def compliance_uncached(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the same as `compliance`, without the cache."""
         source = self._source[: len(points[0])]
-        find_sources(points, source)
+        find_sources(points, source, 0)
         self.reduced.residual.gather_points(points[0], points[1], out, source)
-        add_modal_compliance(rows, gain, self._scaled_modes, out, source)
-        copy_coincident(source, out)
+        add_modal_compliance(rows, gain, self._scaled_modes, out, source, 0)
+        copy_coincident(source, out, 0)
 
 
 class StraightMotion(PointCompliance):
@@ -104,10 +109,12 @@ class StraightMotion(PointCompliance):
         if not self._kept.displace(points, loads, out):
             super().add_residual(points, loads, out)
 
-    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
-        """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
-        if not self._kept.gather(points, gain, out):
-            self.compliance_uncached(points, rows, gain, out)
+    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray, first: int = 0) -> int:
+        """Do as `PointCompliance.compliance`."""
+        if self._kept.gather(points, gain, out, first):
+            return first
+        self.compliance_uncached(points, rows, gain, out)
+        return 0
 
     def position_function(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
         """Return a function of q that gives the positions (k, 3) in m of ``nodes`` (k,) without contact loads."""
@@ -181,13 +188,15 @@ class TurnedMotion(PointCompliance):
         self._frame.turn_vectors(corner, moved_m, touched.displacement_m[:u])
         return u
 
-    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
-        """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
+    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray, first: int = 0) -> int:
+        """Do as `PointCompliance.compliance`."""
         source, rotations = self._source[: len(points[0])], self._rotations[: points[0].size]
-        if not weigh_turned(self._places, points, source, rotations, out):
-            self.reduced.residual.gather_points(*points, out, source)
-        add_modal_compliance(rows, gain, self._scaled_modes, out, source)
-        copy_coincident(source, out)
+        if not weigh_turned(self._places, points, source, rotations, out, first):
+            self.compliance_uncached(points, rows, gain, out)
+            return 0
+        add_modal_compliance(rows, gain, self._scaled_modes, out, source, first)
+        copy_coincident(source, out, first)
+        return first
 
     def position_function(self, nodes: IntArray) -> Callable[[FloatArray], FloatArray]:
         """Return a function for the positions (k, 3) in m of ``nodes`` (k,) without contact loads, as last updated."""

@@ -1,7 +1,8 @@
 """Assembly of the Delassus operator W = J A^-1 J^T, the compliance in contact space, from blocks of 3 x 3.
 
 Blocks are summed along world axes, in which the bodies' compliances are given, and rotated into the contacts' frames at
-the end. Only the lower triangle is built, because W is symmetric as each body's compliance is.
+the end. Only the lower triangle is built, because W is symmetric as each body's compliance is. All of it is built from
+a first row on: the rows before it, to which others have been appended, have what couples them already.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ _NOTHING: Block = ((0.0, 0.0, 0.0),) * 3
 
 
 @inlined_kernel
-def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, points: IntArray, out: FloatArray) -> None:
+def add_rod_compliance(
+    rows: ContactRows, slot: IntArray, rod: FloatArray, points: IntArray, out: FloatArray, from_row: int
+) -> None:
     """Add the catheter's compliance between its p touched particles, ``rod`` (3 p, 3 p) in m/N, to ``out`` (m, m).
 
     ``slot`` gives each particle's place in ``rod``. ``points`` (4 C, 2) is scratch for the (row, index) of particles
@@ -32,6 +35,8 @@ def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, point
                 count += 1
     for p in range(count):
         a, i = points[p, 0], points[p, 1]
+        if a < from_row:
+            continue
         first = 3 * slot[rows.rod_node[a, i]]
         for q in range(count):
             b, j = points[q, 0], points[q, 1]
@@ -44,9 +49,9 @@ def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, point
 
 
 @inlined_kernel
-def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArray) -> None:
+def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArray, from_row: int) -> None:
     """Add G diag(c) G^T of each tool's contacts, with G their levers and c the couplings' ``compliance`` (2, 4)."""
-    for a in range(rows.n_contacts):
+    for a in range(from_row, rows.n_contacts):
         tool = rows.tool[a]
         if tool == NO_TOOL:
             continue
@@ -63,12 +68,12 @@ def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArr
 
 
 @inlined_kernel
-def rotate_to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
+def rotate_to_contact_frames(rows: ContactRows, W: FloatArray, from_row: int) -> None:
     """Rotate the lower blocks of ``W`` (m, m) into the contacts' frames in place, mirror them, and add the softness.
 
     Blocks are held as tuples, in registers: with arrays the compiler would store each item before it loads the next.
     """
-    for a in range(rows.n_contacts):
+    for a in range(from_row, rows.n_contacts):
         for i in range(3):
             for j in range(i + 1, 3):
                 W[3 * a + i, 3 * a + j] = W[3 * a + j, 3 * a + i]

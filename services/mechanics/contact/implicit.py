@@ -51,22 +51,25 @@ class ImplicitStrategy:
         self._tolerance_n = min(settings.tolerance_n, tolerance_m / softness_m_n if softness_m_n > 0.0 else math.inf)
         state.memory.least_change_n = NEAR * self._tolerance_n
 
-    def assemble(self, *, anew: bool = False) -> None:
+    def assemble(self, first: int = 0, *, anew: bool = False) -> None:
         """Write the Delassus operator W: in one kernel, if there is one for the bodies and it has all blocks.
 
-        ``anew`` is for compiling the other way: as if blocks of the wall's compliance were missing.
+        Of rows before ``first`` W is there, from when they were all: what these couple is kept. ``anew`` is for
+        compiling the other way: as if blocks of the wall's compliance were missing.
         """
         bodies, catheter, outcome = self._bodies, self._bodies.catheter, NO_KERNEL
+        keep_blocks(self._address, first)
         rod, kept_address = catheter.plain_integrator, bodies.duct.kept_address
         if rod is not None and kept_address is not None and not anew:
             duct, step = (bodies.duct.loads_address, kept_address), (rod.velocity_gain_s, rod.is_factored)
-            outcome = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), step)
+            outcome = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), step, first)
             if outcome != MISSING_BLOCKS:
                 rod.note_factors(outcome == ASSEMBLED)
         if outcome != ASSEMBLED:
             rows = self._state.rows
-            bodies.duct.compliance(*rows.on_duct, self._state.W, anew=anew or outcome == MISSING_BLOCKS)
-            add_body_compliances(self._address, catheter.slot, catheter.compliance(*rows.on_rod))
+            anew = anew or outcome == MISSING_BLOCKS
+            first = bodies.duct.compliance(*rows.on_duct, self._state.W, first, anew=anew)
+            add_body_compliances(self._address, catheter.slot, catheter.compliance(*rows.on_rod), first)
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Find forces and sliding states, mostly in at most ``iterations`` sweeps; return the number of sweeps."""
@@ -98,15 +101,16 @@ def assemble(
     duct_addresses: tuple[Address[DuctLoads], Address[NodeArrays]],
     rod_addresses: tuple[Address[CatheterTouch], Address[RodModel], Address[RodWork]],
     step: tuple[float, bool],
+    first: int,
 ) -> int:
-    """Write the compliances of all bodies into W, in the contacts' frames, and return an outcome.
+    """Write the compliances of all bodies into W from row ``first`` on, in the contacts' frames; return an outcome.
 
     ``step`` is (length of the catheter's implicit step in s, whether its matrix is factorised).
     """
     state, duct, touch = state_at(state_address), loads_at(duct_addresses[0]), touch_at(rod_addresses[0])
     rows, k, (dt_s, is_factored) = state.rows, state.rows.n_contacts, step
     W = state.delassus[: 9 * k * k].reshape(3 * k, 3 * k)
-    if not weigh_blocks(duct_addresses[1], (rows.duct_node[:k], rows.duct_weight[:k]), duct.gains[0], W):
+    if not weigh_blocks(duct_addresses[1], (rows.duct_node[:k], rows.duct_weight[:k]), duct.gains[0], W, first):
         return MISSING_BLOCKS
     count = list_particles(rows.rod_node[:k], rows.rod_weight[:k], touch.slot, touch.particles)
     rod_compliance = touch.compliance[: 9 * count * count].reshape(3 * count, 3 * count)
@@ -115,21 +119,33 @@ def assemble(
             return NOT_DEFINITE
         band = work_at(rod_addresses[2]).band
         compliance(rod_addresses[1], band, dt_s**2, touch.columns, touch.particles[:count], rod_compliance)
-    add_body_compliances(state_address, touch.slot, rod_compliance)
+    add_body_compliances(state_address, touch.slot, rod_compliance, first)
     return ASSEMBLED
 
 
 @kernel
-def add_body_compliances(state_address: Address[ContactState], slot: IntArray, rod: FloatArray) -> None:
-    """Add the compliances of the other bodies to the duct's, and rotate W into the contacts' frames.
+def keep_blocks(state_address: Address[ContactState], first: int) -> None:
+    """Move the blocks of the first rows to where they are in the W of all rows, which is packed."""
+    state, old = state_at(state_address), 3 * first
+    size, packed = 3 * state.rows.n_contacts, state.delassus
+    if first == 0 or size == old:
+        return
+    for i in range(old - 1, -1, -1):  # from the last on: each goes to a place behind it
+        for j in range(old - 1, -1, -1):
+            packed[i * size + j] = packed[i * old + j]
 
-    On entry the lower blocks of W hold the duct's compliance along world axes. ``rod`` (3 p, 3 p) is that between the
-    catheter's p touched particles, ``slot`` gives each particle's place in it.
+
+@kernel
+def add_body_compliances(state_address: Address[ContactState], slot: IntArray, rod: FloatArray, first: int) -> None:
+    """Add the compliances of the other bodies to the duct's from row ``first`` on, and rotate W into contacts' frames.
+
+    On entry the lower blocks of W hold the duct's compliance along world axes there. ``rod`` (3 p, 3 p) is that between
+    the catheter's p touched particles, ``slot`` gives each particle's place in it.
     """
     state = state_at(state_address)
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
-    add_rod_compliance(state.rows, slot, rod, state.rod_points, W)
-    add_tool_compliance(state.rows, state.geometry.tools.compliance, W)
-    add_sphere_compliance(state.rows, state.geometry.spheres, W)
-    rotate_to_contact_frames(state.rows, W)
+    add_rod_compliance(state.rows, slot, rod, state.rod_points, W, first)
+    add_tool_compliance(state.rows, state.geometry.tools.compliance, W, first)
+    add_sphere_compliance(state.rows, state.geometry.spheres, W, first)
+    rotate_to_contact_frames(state.rows, W, first)

@@ -48,7 +48,7 @@ class PenaltyStrategy(ImplicitStrategy):
         super().__init__(bodies, settings, state)
         self._lightest_kg = float(bodies.catheter.properties.particle_mass_kg().min())
 
-    def assemble(self, *, anew: bool = False) -> None:
+    def assemble(self, first: int = 0, *, anew: bool = False) -> None:
         """Do nothing: penalty contact needs no compliance of the bodies."""
 
     def solve(self, iterations: int, dt_s: float) -> int:

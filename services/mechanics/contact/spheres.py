@@ -44,9 +44,9 @@ def no_spheres() -> Spheres:
 
 
 @inlined_kernel
-def add_sphere_compliance(rows: ContactRows, spheres: Spheres, W: FloatArray) -> None:
+def add_sphere_compliance(rows: ContactRows, spheres: Spheres, W: FloatArray, from_row: int) -> None:
     """Add the compliance of each sphere between all of its rows to the lower blocks of W, along world axes."""
-    for a in range(rows.n_contacts):
+    for a in range(from_row, rows.n_contacts):
         if rows.stone[a] == NO_STONE:
             continue
         for b in range(a + 1):

@@ -148,6 +148,12 @@ class ContactSystem:
             duct.displace(*self.rows.on_duct)
         stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
+    def assemble(self) -> int:
+        """Write W: of all rows, or of those that were appended last; return how many blocks were written."""
+        first, k = self._first_new, self.rows.n_contacts
+        self.strategy.assemble(first)
+        return k * k - first * first
+
     def append_new_pairs(self, pairs: ContactPairs) -> None:
         """Append rows for pairs to a solved step; its other rows keep their forces."""
         duct, self._first_new = self.bodies.duct, self.rows.n_contacts

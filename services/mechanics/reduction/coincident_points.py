@@ -12,12 +12,15 @@ Points = tuple[IntArray, FloatArray]
 
 
 @kernel
-def find_sources(points: Points, source: IntArray) -> None:
-    """Write for each point, (nodes (k, 3), weights (k, 3)), the first that is the same one; mostly it is itself."""
+def find_sources(points: Points, source: IntArray, from_point: int) -> None:
+    """Write for each point, (nodes (k, 3), weights (k, 3)), the first that is the same one; mostly it is itself.
+
+    Those from ``from_point`` on are not told to be the same as one before it: the blocks of that are turned by now.
+    """
     nodes, weights = points
     for a in range(nodes.shape[0]):
         source[a] = a
-        for b in range(a):
+        for b in range(from_point if a >= from_point else 0, a):
             if _is_same(nodes, weights, a, b):
                 source[a] = b
                 break
@@ -41,9 +44,9 @@ def is_copied(source: IntArray, a: int, b: int) -> bool:
 
 
 @kernel
-def copy_coincident(source: IntArray, out: FloatArray) -> None:
-    """Fill in the lower blocks of ``out`` (3 k, 3 k) that `is_copied` names."""
-    for a in range(source.shape[0]):
+def copy_coincident(source: IntArray, out: FloatArray, from_point: int) -> None:
+    """Fill in the lower blocks of ``out`` (3 k, 3 k) that `is_copied` names, from a point on."""
+    for a in range(from_point, source.shape[0]):
         for b in range(a + 1):
             if is_copied(source, a, b):
                 for i in range(3):

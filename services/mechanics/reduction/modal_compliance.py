@@ -12,19 +12,20 @@ Block = tuple[Row, Row, Row]
 
 @summing_kernel
 def add_modal_compliance(
-    modes: FloatArray, gain: FloatArray, scratch: FloatArray, out: FloatArray, source: IntArray
+    modes: FloatArray, gain: FloatArray, scratch: FloatArray, out: FloatArray, source: IntArray, from_point: int
 ) -> None:
     """Add modes diag(gain) modes^T to the lower blocks of ``out`` (m, m), with the first modes of ``modes`` (m, r).
 
+    From a point on: the blocks between those before it stay as they are.
     As many modes as ``gain`` (s,) has count; ``scratch`` holds at least m s items; blocks that ``source`` (m / 3,) says
     are copies are left out, see `coincident_points`. Twice as fast as a product of the
     BLAS, because only the lower half is formed and nine sums at a time stay in registers.
     """
     n_modes, n_rows = gain.shape[0], out.shape[0]
-    for row in range(n_rows):
+    for row in range(3 * from_point, n_rows):
         for mode in range(n_modes):
             scratch[row * n_modes + mode] = modes[row, mode] * gain[mode]
-    for a in range(0, n_rows, 3):
+    for a in range(3 * from_point, n_rows, 3):
         for b in range(0, a + 1, 3):
             if is_copied(source, a // 3, b // 3):
                 continue

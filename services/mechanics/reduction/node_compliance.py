@@ -99,13 +99,14 @@ class NodeCompliance:
             return True
         return self.displace(points, loads, (out[1], out[2]))
 
-    def gather(self, points: Points, gain: FloatArray, out: FloatArray) -> bool:
+    def gather(self, points: Points, gain: FloatArray, out: FloatArray, first: int) -> bool:
         """Write the compliance between the points of the last `displace` into the lower blocks of ``out`` (3 k, 3 k).
 
+        From point ``first`` on: what couples those before it is left as it is.
         ``gain`` (r,) is that of the modes; another than in the last tick makes all of it anew. False, and nothing
         written, while blocks are missing.
         """
-        return bool(weigh_blocks(self._arrays.address, points, gain, out))
+        return bool(weigh_blocks(self._arrays.address, points, gain, out, first))
 
     def displace_corners(self, points: Points, loads: Loads, corners: IntArray, out: FloatArray) -> bool:
         """Write what ``loads`` move the nodes of points, ``corners`` (u,), by beyond the modes: (u, 3) in m.
@@ -238,8 +239,10 @@ def _copy_blocks(kept: NodeArrays, store: BlockStore, first: int, second: int) -
 
 
 @kernel
-def weigh_blocks(address: Address[NodeArrays], points: Points, gain: FloatArray, out: FloatArray) -> bool:
-    """Write B C B^T into the lower blocks of ``out`` and return True, or return False while C is not complete."""
+def weigh_blocks(
+    address: Address[NodeArrays], points: Points, gain: FloatArray, out: FloatArray, from_point: int
+) -> bool:
+    """Write B C B^T into the lower blocks of ``out``, from a point on, or return False while C is not complete."""
     kept, (nodes, weights) = arrays_at(address), points
     _take_gain(kept, gain)
     if not _complete(kept, points):
@@ -249,6 +252,8 @@ def weigh_blocks(address: Address[NodeArrays], points: Points, gain: FloatArray,
         for corner in range(3):
             is_used = weights[a, corner] != 0.0
             first[a, corner] = 3 * place[nodes[a, corner]] if is_used else 0
+        if a < from_point:
+            continue
         if weights[a, 0] == 0.0 and weights[a, 1] == 0.0 and weights[a, 2] == 0.0:
             _clear_rows(out, a)
             continue
@@ -282,9 +287,14 @@ def _weigh_rows(kept: NodeArrays, point: int, weights: FloatArray) -> None:
 
 @kernel
 def weigh_turned_blocks(
-    address: Address[NodeArrays], points: Points, rotations: FloatArray, out: FloatArray, source: IntArray
+    address: Address[NodeArrays],
+    points: Points,
+    rotations: FloatArray,
+    out: FloatArray,
+    source: IntArray,
+    from_point: int,
 ) -> bool:
-    """Write B Q R Q^T B^T into the lower blocks of ``out`` and return True, or return False where a node has no place.
+    """Write B Q R Q^T B^T into the lower blocks of ``out``, from a point on, or return False where a node has no place.
 
     ``rotations`` (3 k, 3, 3) are Q of the corners; blocks that ``source`` (k,) says are copies are left out.
     """
@@ -293,7 +303,7 @@ def weigh_turned_blocks(
         for corner in range(3):
             if weights[point, corner] != 0.0 and place[nodes[point, corner]] == NO_PLACE:
                 return False
-    for a in range(nodes.shape[0]):
+    for a in range(from_point, nodes.shape[0]):
         _weigh_turned_rows(kept, a, points, rotations)
         for b in range(a + 1):
             if not is_copied(source, a, b):

@@ -73,6 +73,11 @@ class Pricing:
         return True
 
     @property
+    def n_wanted(self) -> int:
+        """Number of rows that the last price calls for."""
+        return int(self._pairs.count)
+
+    @property
     def n_known(self) -> int:
         """Number of places that are known to end too deep without a row, from the present start."""
         return int(self._known.count)
@@ -150,8 +155,10 @@ class StepSolver:
         return LOOK_PRODUCTS + CANDIDATE_PRODUCTS * n_candidates + placed
 
     def _affords_another(self) -> bool:
-        """Return whether rows can be assembled, swept twice and priced once more with what is left."""
-        products = (ASSEMBLY_PRODUCTS + 2) * self._system.rows.n_contacts**2 + self._products_of_look()
+        """Return whether new rows can be assembled, all swept twice and priced once more with what is left."""
+        before, new = self._system.rows.n_contacts, self.pricing.n_wanted
+        k = before + new
+        products = ASSEMBLY_PRODUCTS * (k * k - before * before) + 2 * k * k + self._products_of_look()
         return self.products + products < MOST_PRODUCTS
 
     @property
@@ -211,5 +218,4 @@ class StepSolver:
         self._assemble()
 
     def _assemble(self) -> None:
-        self.products += ASSEMBLY_PRODUCTS * self._system.rows.n_contacts**2
-        self._system.strategy.assemble()
+        self.products += ASSEMBLY_PRODUCTS * self._system.assemble()

@@ -34,7 +34,7 @@ def test_a_point_that_stands_there_again_is_found():
     nodes = np.array([[1, 2, 3], [1, 2, 3], [1, 2, 3], [4, 5, 6], [4, 5, 6]], np.int32)
     weights = np.array([[0.2, 0.3, 0.5], [0.2, 0.5, 0.3], [0.2, 0.3, 0.5], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     source = np.zeros(5, np.int32)
-    find_sources((nodes, weights), source)
+    find_sources((nodes, weights), source, 0)
     assert source.tolist() == [0, 1, 0, 3, 3]
     copied = [(a, b) for a in range(5) for b in range(a + 1) if is_copied(source, a, b)]
     assert copied == [(2, 2), (3, 2), (4, 0), (4, 1), (4, 2), (4, 4)]
@@ -62,7 +62,7 @@ def test_compliance_and_motion_are_the_same_to_the_last_bit_with_doubles(reduced
     with monkeypatch.context() as without:
         without.setattr(
             "trocar.services.mechanics.bodies.wall_motion.find_sources",
-            lambda points, source: source.put(range(k), range(k)),
+            lambda points, source, _: source.put(range(k), range(k)),
         )
         expected = given()
     for one, other in zip(found, expected, strict=True):

@@ -10,7 +10,7 @@ def test_modal_compliance_of_the_lowest_modes_is_added_to_the_lower_blocks(n_mod
     modes, gain = rng.standard_normal((12, 40)), rng.uniform(0.1, 1.0, 40)
     start = rng.standard_normal((12, 12))
     W = start.copy()
-    add_modal_compliance(modes, gain[:n_modes], np.zeros(12 * 40), W, np.arange(4, dtype=np.int32))
+    add_modal_compliance(modes, gain[:n_modes], np.zeros(12 * 40), W, np.arange(4, dtype=np.int32), 0)
     expected = start + (modes[:, :n_modes] * gain[:n_modes]) @ modes[:, :n_modes].T
     for row in range(12):
         last = 3 * (row // 3) + 3

@@ -47,7 +47,7 @@ def gathered(kept, points, gain, most_ticks=100):
     for tick in range(most_ticks):
         displace(kept, points, loads_on(points))
         W = np.full((3 * N_POINTS, 3 * N_POINTS), np.nan)
-        if kept.gather(points, gain, W):
+        if kept.gather(points, gain, W, 0):
             rows, columns = np.indices(W.shape) // 3
             return np.where(columns <= rows, W, 0.0), tick
         assert np.isnan(W).all()
@@ -80,7 +80,7 @@ def test_it_does_not_depend_on_what_was_touched_before(duct, points_on, gain, n_
     kept = NodeCompliance(duct, 30, n_places)
     for seed in range(2, 80):
         displace(kept, points_on(seed), loads_on(points_on(seed)))
-        kept.gather(points_on(seed), gain, np.empty((3 * N_POINTS, 3 * N_POINTS)))
+        kept.gather(points_on(seed), gain, np.empty((3 * N_POINTS, 3 * N_POINTS)), 0)
     W, _ = gathered(kept, points_on(99), gain)
     anew, _ = gathered(NodeCompliance(duct, 30), points_on(99), gain)
     np.testing.assert_array_equal(W, anew)
@@ -103,7 +103,7 @@ def test_a_tick_computes_a_bounded_number_of_blocks(duct, gain):
     done, ticks = False, 0
     while not done:
         assert kept.displace(points, loads_on(points), (out[0], out[1]))
-        done, ticks = kept.gather(points, gain, W), ticks + 1
+        done, ticks = kept.gather(points, gain, W, 0), ticks + 1
     assert 90 * 91 / 2 / (400 + 90) < ticks <= 90 * 91 / 2 / 400 + 1
 
 
@@ -111,7 +111,7 @@ def test_more_nodes_than_places_are_refused(duct, points_on, gain):
     kept, points = NodeCompliance(duct, 30, 10), points_on(6)
     out = np.zeros((2, N_POINTS, 3))
     assert not kept.displace(points, loads_on(points), (out[0], out[1]))
-    assert not kept.gather(points, gain, np.empty((3 * N_POINTS, 3 * N_POINTS)))
+    assert not kept.gather(points, gain, np.empty((3 * N_POINTS, 3 * N_POINTS)), 0)
     assert not out.any()
 
 
