@@ -34,6 +34,8 @@ MOST_SUDDEN = 50
 """Of a run in which forces change at once more often nothing is asked of finer steps: it has failed."""
 LEFT_S = 0.1
 """Within so long after the hands have left, what they have bent and stretched is as fast as it gets."""
+CLAMPED = 1.8751041
+"""Wave number of a clamped beam's first mode, times its length."""
 FASTEST_M_S = 1.0
 """What hands leave behind is taken to swing as fast as this at least."""
 
@@ -140,7 +142,8 @@ class _Run:
         """Allow what swings so fast the time in which its own damping brings it to rest."""
         simulation, speed_m_s = self.simulation, max(fastest_m_s, FASTEST_M_S)
         wall_s = wall_settling_s(simulation.duct.reduced, speed_m_s)
-        catheter_s = catheter_settling_s(simulation.catheter.properties, speed_m_s)
+        free_m = self.play.scene.catheter.introducer_to_tip_m
+        catheter_s = catheter_settling_s(simulation.catheter.properties, free_m, speed_m_s)
         self.longest_s = max(REST_S, wall_s, catheter_s)
 
     def through_hands(self) -> bool:
@@ -184,13 +187,21 @@ def wall_settling_s(duct: ReducedDuct, speed_m_s: float = FASTEST_M_S) -> float:
     return _settling_s(float(np.min(duct.damping_ratio * duct.basis.omega_rad_s)), speed_m_s)
 
 
-def catheter_settling_s(rod: RodProperties, speed_m_s: float = FASTEST_M_S) -> float:
+def catheter_settling_s(rod: RodProperties, free_m: float, speed_m_s: float = FASTEST_M_S) -> float:
     """In how long a catheter comes to rest whose material, and whose supports, damp it nowhere: by its drag alone.
 
-    Drag is proportional to mass along a uniform rod, so every one of its vibrations, whatever bends or hangs it, falls
-    as exp(-c t / 2 m) at least, c and m being the drag and the mass of a particle. The material's damping comes on top.
+    Drag is proportional to mass along a uniform rod, so each of its vibrations goes as x" + (c / m) x' + w^2 x = 0, c
+    and m being the drag and the mass of a particle. It falls as exp(-c t / 2 m) where it swings. A supple one does not
+    swing: it creeps back, and the slowest as exp(-r t), r = c / 2 m - sqrt((c / 2 m)^2 - w^2). That is the first mode
+    of what is beyond the introducer, ``free_m``: a clamped beam, w^2 = 1.875^4 EI / (rho A L^4). The material's
+    damping, and what the catheter rests on, come on top.
     """
-    return _settling_s(float(np.min(rod.particle_drag_n_s_m() / rod.particle_mass_kg())) / 2.0, speed_m_s)
+    rate_1_s = float(np.min(rod.particle_drag_n_s_m() / rod.particle_mass_kg())) / 2.0
+    stiffness_n_m2, density_kg_m = rod.per_end("bending_stiffness_n_m2"), rod.per_segment("linear_density_kg_m")
+    slowest_1_s2 = CLAMPED**4 * float(np.min(stiffness_n_m2) / np.max(density_kg_m)) / free_m**4
+    if slowest_1_s2 < rate_1_s**2:
+        rate_1_s -= math.sqrt(rate_1_s**2 - slowest_1_s2)
+    return _settling_s(rate_1_s, speed_m_s)
 
 
 def _settling_s(rate_1_s: float, speed_m_s: float) -> float:

@@ -182,7 +182,7 @@ def test_a_catheter_settles_by_its_drag_in_the_time_that_it_is_given(heavier):
     scene = beside().scene.catheter
     scene = replace(scene, density_kg_m3=heavier * scene.density_kg_m3, internal_damping_s=0.0)
     rod = rod_properties(scene)
-    settling_s = catheter_settling_s(rod)
+    settling_s = catheter_settling_s(rod, rod.length_m)
     assert (settling_s > REST_S) == (heavier > 1.0)
     integrator = build_integrator("implicit", rod, Supports(held=(0,), start_direction=scene.direction), 1.0)
     state, speeds = initial_state(scene, rod), []
@@ -194,6 +194,22 @@ def test_a_catheter_settles_by_its_drag_in_the_time_that_it_is_given(heavier):
     half, swing = len(speeds) // 2, len(speeds) // 8
     assert max(speeds[-swing:]) < 3e-3
     assert max(speeds[half - swing : half]) > 10e-3
+
+
+def test_a_supple_catheter_creeps_back_in_the_time_that_it_is_given():
+    scene = beside().scene.catheter
+    scene = replace(scene, youngs_modulus_pa=0.02 * scene.youngs_modulus_pa, internal_damping_s=0.0)
+    rod = rod_properties(scene)
+    integrator = build_integrator("implicit", rod, Supports(held=(0,), start_direction=scene.direction), 1.0)
+    state, speeds = initial_state(scene, rod), []
+    along = np.linspace(0.0, 1.0, len(state.position_m))
+    state.position_m[:, 2] += 2e-3 * along**2 * (6.0 - 4.0 * along + along**2) / 3.0  # an even load's, near the mode's
+    for _ in range(2000):
+        integrator.predict(state, np.zeros_like(state.position_m), 1e-3)
+        speeds.append(np.abs(state.velocity_m_s[:, 2]).max())
+    left_s = [catheter_settling_s(rod, rod.length_m, speeds[step]) for step in (1000, 1999)]
+    assert speeds[1999] < 0.5 * speeds[1000]
+    assert left_s[0] - left_s[1] == pytest.approx(0.999, rel=0.01)
 
 
 def test_a_step_of_force_is_a_fault_as_far_as_finer_steps_lack_it():
