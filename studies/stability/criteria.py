@@ -105,7 +105,8 @@ CRITERIA: dict[str, Criterion] = {
     "rest_damped": Criterion(
         "the same, relative to the time in which its own damping slows the motion from v to 1 mm/s, if that exceeds 2 "
         "s; v is the speed within the first 0.1 s, at least 1 m/s; the time is ln(v / 1 mm/s) / (zeta omega) for the "
-        "wall's slowest mode, ln(v / 1 mm/s) 2 m / c for a catheter of particles with mass m and drag c",
+        "wall's slowest mode, ln(v / 1 mm/s) / r for a catheter whose slowest mode falls by the rate r under its drag, "
+        "and that of the creep of a wall that relaxes and was held a duct's length away",
         "",
         1.0,
     ),

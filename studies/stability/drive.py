@@ -11,6 +11,7 @@ import numpy as np
 from trocar.services.files.cache_directory import cache_directory
 from trocar.services.mechanics.arrays import FloatArray
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries
 from trocar.services.mechanics.rod import RodProperties
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.mechanics.scene.tools import ToolInputs
@@ -144,7 +145,9 @@ class _Run:
         wall_s = wall_settling_s(simulation.duct.reduced, speed_m_s)
         free_m = self.play.scene.catheter.introducer_to_tip_m
         catheter_s = catheter_settling_s(simulation.catheter.properties, free_m, speed_m_s)
-        self.longest_s = max(REST_S, wall_s, catheter_s)
+        viscous, length_m = simulation.duct.viscous, self.play.scene.duct.length_m
+        creep_s = 0.0 if viscous is None else creep_settling_s(viscous.series, length_m)
+        self.longest_s = max(REST_S, wall_s, catheter_s, creep_s)
 
     def through_hands(self) -> bool:
         return all(self._step() for _ in range(1, len(self.play.hands)))
@@ -185,6 +188,20 @@ class _Run:
 def wall_settling_s(duct: ReducedDuct, speed_m_s: float = FASTEST_M_S) -> float:
     """In how long the slowest mode of a wall comes to rest by its own damping: it falls as exp(-zeta omega t)."""
     return _settling_s(float(np.min(duct.damping_ratio * duct.basis.omega_rad_s)), speed_m_s)
+
+
+def creep_settling_s(series: PronySeries, moved_m: float) -> float:
+    """In how long a wall that relaxes is at rest again, where hands have held it so far from there for long.
+
+    Freed, it stays where its forces are in balance, and what is left of its way goes as what lags does. Of one term
+    that lags by d, K (q - g d) = 0 and tau d' = q - d: so q creeps at g (1 - g) d / tau, and falls as exp(-t (1 - g) /
+    tau). Beside others a term falls by the rate (1 - sum g) / tau at least.
+    """
+    left, longest_s = 1.0 - sum(series.g), 0.0
+    for g, tau_s in zip(series.g, series.tau_s, strict=True):
+        begun_m_s = g * (1.0 - g) * moved_m / tau_s
+        longest_s = max(longest_s, tau_s / left * math.log(max(begun_m_s / REST_SPEED_M_S, 1.0)))
+    return longest_s
 
 
 def catheter_settling_s(rod: RodProperties, free_m: float, speed_m_s: float = FASTEST_M_S) -> float:

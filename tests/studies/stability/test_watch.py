@@ -4,17 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from trocar.services.mechanics.bodies.catheter import initial_state, rod_properties
 from trocar.services.mechanics.contact.laws import HAS_GAP
 from trocar.services.mechanics.reduction import ModalState, Newmark
+from trocar.services.mechanics.reduction.viscoelastic import PronySeries
 from trocar.services.mechanics.rod import Supports, build_integrator
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 from trocar.studies.energy_book import EnergyBook
 from trocar.studies.stability import finely
 from trocar.studies.stability.criteria import CRITERIA, REST_S, failures
-from trocar.studies.stability.drive import Play, catheter_settling_s, drive, reduced_duct, wall_settling_s
+from trocar.studies.stability.drive import (
+    Play,
+    catheter_settling_s,
+    creep_settling_s,
+    drive,
+    reduced_duct,
+    wall_settling_s,
+)
 from trocar.studies.stability.hands import least_jerk
 from trocar.studies.stability.situations import LEAD_STEPS, beside, threaded
 from trocar.studies.stability.watch import Watch
@@ -194,6 +203,22 @@ def test_a_catheter_settles_by_its_drag_in_the_time_that_it_is_given(heavier):
     half, swing = len(speeds) // 2, len(speeds) // 8
     assert max(speeds[-swing:]) < 3e-3
     assert max(speeds[half - swing : half]) > 10e-3
+
+
+@pytest.mark.parametrize("series", [PronySeries((0.3,), (0.5,)), PronySeries((0.2, 0.15, 0.1), (0.1, 1.0, 10.0))])
+def test_a_wall_that_relaxes_creeps_back_in_the_time_that_it_is_given(series):
+    """Its balance q = sum g d, and each d following q, integrated by SciPy: held by 40 mm for long, and let go."""
+    g, tau_s, held_m = np.array(series.g), np.array(series.tau_s), 40e-3
+    given_s = creep_settling_s(series, held_m)
+
+    def lag(_, d):
+        return (g @ d - d) / tau_s
+
+    times_s = np.linspace(0.0, given_s, 2000)
+    d = solve_ivp(lag, (0.0, given_s), np.full(len(g), held_m), t_eval=times_s, rtol=1e-9, atol=1e-12).y
+    speed_m_s = np.abs(g @ ((g @ d - d) / tau_s[:, None]))
+    assert speed_m_s[-1] < 1.2e-3
+    assert speed_m_s[len(times_s) // 4] > 1.2e-3
 
 
 def test_a_supple_catheter_creeps_back_in_the_time_that_it_is_given():
