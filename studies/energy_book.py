@@ -138,6 +138,7 @@ class EnergyBook:
         self._before = self._begun = _Snapshot.of(self.simulation, self._rod, again)
         self._slipped_j = _slipped_j(self.simulation)
         self._spent_j = _dissipated_by_effects_j(self.simulation)
+        self._relaxed_s = _relaxed_s(self.simulation)
         self._squeezed_j = self.simulation.squeeze.arrays.dissipated_j
 
     def _end(self, dt_s: float) -> None:
@@ -154,8 +155,15 @@ class EnergyBook:
         self.flow.friction_j += _slipped_j(self.simulation) - slipped_j
         self.flow.numerical_j += self.simulation.squeeze.arrays.dissipated_j - self._squeezed_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
+        self.flow.effects_j += self._relaxed_by_loads_j()
         self._begun = None
         self.flow.stored_j = self._stored_j() - self._opening_j
+
+    def _relaxed_by_loads_j(self) -> float:
+        """What a wall that relaxes has lost in a part of a step by the loads on what its modes leave out."""
+        duct, time_s = self.simulation.duct, _relaxed_s(self.simulation) - self._relaxed_s
+        loads = duct.viscous_loads
+        return 0.0 if loads is None or time_s == 0.0 else loads.lost_j(duct.reduced.residual.store, time_s)
 
     def _enter_part_taken_back(self, before: _Snapshot, dt_s: float) -> None:
         """Enter what hands have done in a part that has kept only a share of its motion; the rest is withheld."""
@@ -330,6 +338,11 @@ def _given_to_effects_j(simulation: Simulation) -> float:
 
 def _dissipated_by_effects_j(simulation: Simulation) -> float:
     return sum(effect.dissipated_j for effect in simulation.effects.values())
+
+
+def _relaxed_s(simulation: Simulation) -> float:
+    loads = simulation.duct.viscous_loads
+    return 0.0 if loads is None else loads.relaxed_s
 
 
 def _driven_j(simulation: Simulation) -> tuple[float, float]:

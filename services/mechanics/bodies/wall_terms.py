@@ -119,8 +119,6 @@ class WallTerms:
         self.lost_j += lost_j
         if duct.viscous is not None:
             duct.viscous.dissipated_j += relaxed_j
-        if loads is not None:
-            loads.book_step(duct.reduced.residual.store)
 
     def _find_ending(self) -> tuple[EndingWall, LaggingModes]:
         duct, softened, loads = self._duct, self.softened, self._duct.viscous_loads

@@ -62,7 +62,7 @@ class Viscoelasticity(Effect):
     def after_solve(self, world: World, dt_s: float) -> None:
         """Relax the lagging state towards the wall's present state."""
         self._terms.end_step(dt_s)
-        self._dissipated_j = self._modes.dissipated_j + self._loads.dissipated_j
+        self._dissipated_j = self._modes.dissipated_j
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the lagging coordinates and loads."""

@@ -24,9 +24,6 @@ LEAST_N = 1e-6
 """A lagging load below this is dropped where nothing presses."""
 MOST_LEFT = 32
 """At most so many nodes keep a lagging load after their contact has ended; beyond it the smallest are dropped."""
-BOOKED_EVERY = 0.08
-"""Interval between sums of the dissipated energy, over the shortest relaxation time. The energy changes slowly, and a
-sum runs over all pairs of nodes."""
 
 
 class LaggingLoads(Struct):
@@ -54,7 +51,7 @@ class ViscousLoads:
     contacts the wall is displaced by R times ``lasting``.
 
     Attributes:
-        dissipated_j: float. Energy lost to relaxation so far.
+        relaxed_s: float. For how long loads have relaxed so far.
     """
 
     def __init__(self, series: PronySeries, n_nodes: int, capacity: int) -> None:
@@ -64,8 +61,7 @@ class ViscousLoads:
         self._arrays = LaggingLoads.zeros(g=g, slot=slot, t=len(g), m=2 * capacity + MOST_LEFT, n=n_nodes)
         arrays = self._arrays
         self._start = SavedRows([arrays.node, arrays.lag, arrays.total, arrays.lasting, arrays.load])
-        self._since_s = 0.0
-        self.dissipated_j = 0.0
+        self.relaxed_s = 0.0
 
     @property
     def lasting(self) -> tuple[IntArray, FloatArray]:
@@ -83,15 +79,15 @@ class ViscousLoads:
         if dt_s != self._dt_s:
             self._arrays.decay[:] = np.exp(-dt_s / self._tau_s)
             self._dt_s = dt_s
+        self.relaxed_s += dt_s
 
-    def book_step(self, store: BlockStore) -> None:
-        """Count a step whose loads have relaxed; ``store`` are the blocks of the residual."""
-        self._since_s = self._since_s + self._dt_s if self._arrays.count.item(0) > 0 else 0.0
-        if self._since_s >= BOOKED_EVERY * self._tau_s.min():
-            arrays = self._arrays
-            lost = arrays.g * np.expm1(2.0 * self._since_s / self._tau_s)
-            self.dissipated_j += 0.5 * spread_energy(arrays.address, store.address, lost, 0.0)
-            self._since_s = 0.0
+    def lost_j(self, store: BlockStore, time_s: float) -> float:
+        """Return what relaxing for a last time under the same loads has lost; ``store`` are the residual's blocks.
+
+        It sums over all pairs of nodes, which is too slow for a tick: for energy balances.
+        """
+        lost = self._arrays.g * np.expm1(2.0 * time_s / self._tau_s)
+        return 0.5 * float(spread_energy(self._arrays.address, store.address, lost, 0.0))
 
     def extra_energy_j(self, store: BlockStore) -> float:
         """Return what the springs of all terms store less p R p / 2, which the duct reports."""
