@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from trocar.review.export.views import FilmView
 from trocar.services.cli.options import Json, Overrides, Rig, Scene
 from trocar.services.cli.plain_help import PlainTyper
 from trocar.services.runtime.errors import ConfigError
@@ -35,14 +36,6 @@ class DatasetLayout(StrEnum):
 
     V3 = "v3.0"
     V2 = "v2.1"
-
-
-class FilmView(StrEnum):
-    """How a film is seen."""
-
-    SCOPE = "scope"
-    FLUOROSCOPY = "fluoroscopy"
-    CHOLANGIOGRAM = "cholangiogram"
 
 
 attempts_app = PlainTyper(no_args_is_help=True, help="What was kept of trainees: list, curve, export, xapi, erase.")

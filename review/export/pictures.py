@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trocar.protocol import Frame
-from trocar.review.export.views import open_renderer
+from trocar.review.export.views import FilmView
 from trocar.services.mechanics.reduction.reduced_duct import ReducedDuct
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.bus.bus import Bus
@@ -34,7 +34,7 @@ class _Newest:
 
 
 class Camera:
-    """A view of a scene, by its name in `views.VIEWS`.
+    """A view of a scene, one of `views.FilmView`.
 
     Raises MissingPackageError that says what needs the package.
     """
@@ -45,11 +45,11 @@ class Camera:
         name: str,
         duct: ReducedDuct,
         size: tuple[int, int],
-        view: str = "scope",
+        view: str = FilmView.SCOPE,
         needed_for: str = "an image",
     ) -> None:
         try:
-            self._renderer = open_renderer(view, size, scene)
+            self._renderer = FilmView(view).open_renderer(size, scene)
         except ModuleNotFoundError as error:
             raise MissingPackageError(needed_for, error.name) from None
         self._bus = _Newest()

@@ -1,15 +1,17 @@
-"""Views of a scene that are drawn off the screen, by name."""
+"""Views of a scene that are drawn off the screen, by name: `FilmView` lists them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from enum import StrEnum
+from typing import TYPE_CHECKING, Protocol, Self
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:  # the command line lists the views without what draws them
+    import numpy as np
+    import numpy.typing as npt
 
-from trocar.services.mechanics.scene import SceneModel
-from trocar.services.visualization.picture import Picture, PictureLayout
+    from trocar.services.mechanics.scene import SceneModel
+    from trocar.services.visualization.picture import Picture, PictureLayout
 
 Size = tuple[int, int]
 
@@ -25,11 +27,6 @@ class OffScreenRenderer(Protocol):
 
     def close(self) -> None:
         """Give up what is held."""
-
-
-def open_renderer(view: str, size: Size, scene: SceneModel) -> OffScreenRenderer:
-    """Return what draws a view of a scene. Raises ModuleNotFoundError: the view needs pyvista."""
-    return VIEWS[view](size, scene)
 
 
 def _scope(size: Size, _scene: SceneModel) -> OffScreenRenderer:
@@ -51,8 +48,22 @@ def _cholangioscope(size: Size, scene: SceneModel) -> OffScreenRenderer:
     return Cholangioscope(size, frozenset({"mouth"} if scene.duct.incision is not None else ()))
 
 
-VIEWS: dict[str, Callable[[Size, SceneModel], OffScreenRenderer]] = {
-    "scope": _scope,
-    "fluoroscopy": _fluoroscope,
-    "cholangiogram": _cholangioscope,
-}
+class FilmView(StrEnum):
+    """How a film is seen; each view by its name, with what opens a renderer of it."""
+
+    opener: Callable[[Size, SceneModel], OffScreenRenderer]
+
+    def __new__(cls, name: str, opener: Callable[[Size, SceneModel], OffScreenRenderer] | None = None) -> Self:
+        """Make a member that is its name; one that has been made is asked for by its name alone."""
+        assert opener is not None
+        view = str.__new__(cls, name)
+        view._value_, view.opener = name, opener
+        return view
+
+    SCOPE = "scope", _scope
+    FLUOROSCOPY = "fluoroscopy", _fluoroscope
+    CHOLANGIOGRAM = "cholangiogram", _cholangioscope
+
+    def open_renderer(self, size: Size, scene: SceneModel) -> OffScreenRenderer:
+        """Return what draws this view of a scene. Raises ModuleNotFoundError: the view needs pyvista."""
+        return self.opener(size, scene)

@@ -11,6 +11,7 @@ if __name__ == "__main__":
     import trocar.services.start.entry  # noqa: F401  the environment of a process, before numpy
 
 import argparse
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -90,11 +91,12 @@ def hunt(
     told: Told = AS_FILED,
     first_seed: int = 0,
     generations: int = GENERATIONS,
+    enough_j: float = math.inf,
 ) -> Hunted:
-    """Search for hands that gain at one device."""
+    """Search for hands that gain at one device, until one has gained more than `enough_j`."""
     arm = arm_of(name, bounded=bounded, told=told)
     seeds = range(first_seed, first_seed + searches)
-    gained = _gained(lambda points: books_of(decode(points), arm), len(RANGES), seeds, generations)
+    gained = _gained(lambda points: books_of(decode(points), arm), len(RANGES), seeds, generations, enough_j)
     return _hunted(arm_label(name, told), bounded, gained)
 
 
@@ -116,9 +118,13 @@ def hunt_pairs(searches: int, *, bounded: bool = True, first_seed: int = 0, gene
     return _hunted("two linked Premiums", bounded, gained)
 
 
-def _gained(books_of: Books, dimensions: int, seeds: range, generations: int) -> FloatArray:
+def _gained(books_of: Books, dimensions: int, seeds: range, generations: int, enough_j: float = math.inf) -> FloatArray:
     """Return what each hand gained that the searches looked at, J."""
     found: list[FloatArray] = []
+
+    def is_found() -> bool:
+        return bool(found[-1].max() > enough_j)
+
     for seed in seeds:
 
         def value(points: FloatArray, seed: int = seed) -> FloatArray:
@@ -126,7 +132,9 @@ def _gained(books_of: Books, dimensions: int, seeds: range, generations: int) ->
             found.append(books[:, GAINED])
             return books[:, GAINED] / np.maximum(books[:, MOVED], 1e-6) if seed % 2 else books[:, GAINED]
 
-        search(value, dimensions, generations, seed)
+        search(value, dimensions, generations, seed, is_found=is_found)
+        if is_found():
+            break
     return np.concatenate(found)
 
 

@@ -18,7 +18,13 @@ _SMALLEST_STEP = 1e-3
 
 
 def search(
-    value: Callable[[FloatArray], FloatArray], dimensions: int, generations: int, seed: int, size: int | None = None
+    value: Callable[[FloatArray], FloatArray],
+    dimensions: int,
+    generations: int,
+    seed: int,
+    size: int | None = None,
+    *,
+    is_found: Callable[[], bool] = lambda: False,
 ) -> tuple[FloatArray, FloatArray]:
     """Return all points (n, dimensions) that a search for the largest value has looked at, and their values (n,).
 
@@ -26,6 +32,7 @@ def search(
         value: Of points (n, dimensions) in the unit cube: (n,).
         generations: At most; a search that has come to rest ends before.
         size: Points in a generation; none: 4 + 3 ln n, as the tutorial has it.
+        is_found: Asked after each generation: whether what was sought has been seen, so that none has to follow.
     """
     random, n = np.random.default_rng(seed), dimensions
     size = size or 4 + int(3 * math.log(n))
@@ -49,6 +56,8 @@ def search(
         found = value(batch)
         points.append(batch)
         values.append(found)
+        if is_found():
+            break
         best = batch[np.argsort(-found)[:kept]]
         moves = (best - mean) / step
         move = weights @ moves

@@ -42,16 +42,21 @@ def write(mesh: TriangleMesh, path: Path, scale: np.ndarray | float = 1e3, head:
 KNOWN = scan(forked(), (1.0, 1.0, 1.0))
 
 
-def test_a_closed_surface_is_cut_open_at_its_three_ends(tmp_path: Path) -> None:
-    path = write(surface_of(KNOWN), tmp_path / "duct.stl")
+@pytest.fixture(scope="module")
+def surface() -> TriangleMesh:
+    return surface_of(KNOWN)
+
+
+def test_a_closed_surface_is_cut_open_at_its_three_ends(surface: TriangleMesh, tmp_path: Path) -> None:
+    path = write(surface, tmp_path / "duct.stl")
     anatomy = make_anatomy(path, AnatomyRequest(thickness_m=0.6e-3))
     assert anatomy.names == ["end_0", "end_1", "end_2"]
     off_mm = KNOWN.surface_error_mm(anatomy.duct.mesh.vertices_m)
     assert np.percentile(np.abs(off_mm - 0.3), 95.0) < 0.1
 
 
-def test_a_surface_that_is_the_middle_of_the_wall_is_not_moved(tmp_path: Path) -> None:
-    path = write(surface_of(KNOWN), tmp_path / "duct.ply")
+def test_a_surface_that_is_the_middle_of_the_wall_is_not_moved(surface: TriangleMesh, tmp_path: Path) -> None:
+    path = write(surface, tmp_path / "duct.ply")
     anatomy = make_anatomy(path, AnatomyRequest(is_middle=True))
     assert np.percentile(KNOWN.surface_error_mm(anatomy.duct.mesh.vertices_m), 95.0) < 0.1
 
@@ -81,8 +86,8 @@ def test_labels_are_a_volumes(tmp_path: Path) -> None:
         make_anatomy(path, AnatomyRequest(label="1"))
 
 
-def test_a_surface_in_another_unit_is_told(tmp_path: Path) -> None:
-    path = write(surface_of(KNOWN), tmp_path / "duct.stl", 1.0)
+def test_a_surface_in_another_unit_is_told(surface: TriangleMesh, tmp_path: Path) -> None:
+    path = write(surface, tmp_path / "duct.stl", 1.0)
     with pytest.raises(MeshError, match="in m it would be"):
         make_anatomy(path, AnatomyRequest())
 

@@ -125,8 +125,8 @@ def test_the_lens_spreads_out_what_it_sees_and_keeps_it_within_the_picture():
 
 
 def test_it_needs_neither_display_nor_pyvista():
-    text = "import sys; sys.modules['pyvista'] = None; from trocar.review.export.views import open_renderer"
-    text += "; print(open_renderer('fluoroscopy', (8, 6), None).image().shape)"
+    text = "import sys; sys.modules['pyvista'] = None; from trocar.review.export.views import FilmView"
+    text += "; print(FilmView.FLUOROSCOPY.open_renderer((8, 6), None).image().shape)"
     bare = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     done = subprocess.run([sys.executable, "-c", text], check=True, capture_output=True, text=True, env=bare)
     assert done.stdout == "(6, 8, 3)\n"

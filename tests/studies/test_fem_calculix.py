@@ -47,20 +47,27 @@ CASES = {
         ],
     },
 }  # fmt: skip
+#: Cases with the wall and supports of "pressure".
+SAME_WALL = ("weight", "drag", "force")
 FINE = {"mesh": {"parametric": {"radius_m": 0.004, "length_m": 0.03, "n_around": 32, "n_along": 32}}}
 
 
 @needs_ccx
 @pytest.mark.parametrize("name", CASES)
 def test_both_agree(tmp_path, name):
-    """Two elements on one faceted wall: of 24 cells round they are 4 % apart, of 48 1 %."""
-    result = solved(tmp_path, **(FINE | THICK | {"modes": 2} | CASES[name]))
+    """Two elements on one faceted wall: of 24 cells round they are 4 % apart, of 48 1 %.
+
+    Loads at rest change no frequency: one case looks at those of each wall and its supports.
+    """
+    modes = 0 if name in SAME_WALL else 2
+    result = solved(tmp_path, **(FINE | THICK | {"modes": modes} | CASES[name]))
     other = solve_by_calculix(result)
     share = apart(result, other)
     assert share is not None
     assert share < 0.03, f"apart by {share:.3f}"
-    assert other.frequency_hz is not None
-    np.testing.assert_allclose(result.modes.frequency_hz, other.frequency_hz[:2], rtol=0.02)
+    if modes:
+        assert other.frequency_hz is not None
+        np.testing.assert_allclose(result.modes.frequency_hz, other.frequency_hz[:2], rtol=0.02)
 
 
 def test_loads_written_are_the_loads_of_the_case(tmp_path):
