@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from trocar.services.mechanics.effects.gravity import GravitySettings
 from trocar.services.mechanics.scene import SceneModel
 from trocar.services.visualization.picture import Picture, PictureLayout
 
@@ -48,7 +49,10 @@ def _cholangioscope(size: Size, scene: SceneModel) -> OffScreenRenderer:
     """Return the view with contrast; in a duct that is cut the mouth is the gallbladder's neck, which is tied."""
     from trocar.review.export.cholangiogram import Cholangioscope
 
-    return Cholangioscope(size, frozenset({"mouth"} if scene.duct.incision is not None else ()))
+    tied = frozenset({"mouth"} if scene.duct.incision is not None else ())
+    gravity = scene.effects.get("gravity")
+    weighs_m_s2 = gravity.acceleration_m_s2 if isinstance(gravity, GravitySettings) else (0.0, 0.0, 0.0)
+    return Cholangioscope(size, tied, scene.catheter.bubbles, weighs_m_s2)
 
 
 VIEWS: dict[str, Callable[[Size, SceneModel], OffScreenRenderer]] = {
