@@ -20,7 +20,7 @@ _RINGS = 24
 class Displacer:
     """A body that is in the lumen as a whole or not at all, as its middle (3,) is, with its closed surface.
 
-    Places (k, 3) share its volume and its wetted area alike.
+    Places (k, 3) share its volume and its wetted area alike. ``ball_radius_m`` is zero of what is no ball.
     """
 
     middle_m: FloatArray
@@ -29,6 +29,7 @@ class Displacer:
     area_m2: float
     surface_m: Float32Array
     triangles: IntArray
+    ball_radius_m: float = 0.0
 
 
 def displacers(layout: PictureLayout, picture: Picture) -> list[Displacer]:
@@ -53,7 +54,7 @@ def ball(middle_m: FloatArray, radius_m: float) -> Displacer:
     line_m = middle_m + radius_m * np.cos(angle)[:, None] * np.array([-1.0, 0.0, 0.0])
     surface_m, triangles = rod(line_m, radius_m * np.sin(angle))
     area_m2 = 4.0 * np.pi * radius_m**2
-    return Displacer(middle_m, places_m, area_m2 * radius_m / 3.0, area_m2, surface_m, triangles)
+    return Displacer(middle_m, places_m, area_m2 * radius_m / 3.0, area_m2, surface_m, triangles, radius_m)
 
 
 def _segment(ends_m: FloatArray, radius_m: float) -> Displacer:

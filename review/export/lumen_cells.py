@@ -57,6 +57,7 @@ class LumenCells:
         openings: Vertices of each open rim, longest first.
         opening_cells: For each opening the cells that end there.
         borders: Caps between cells.
+        away_m: (n,). Mean distance of each cell's wall from the mouth, along the wall at rest.
         n: Number of cells.
     """
 
@@ -71,8 +72,10 @@ class LumenCells:
         n_wall = wall.n_vertices
         self.openings, self.triangles = _closed(wall)
         self.wall = np.arange(len(self.triangles)) < wall.n_triangles
-        at_wall = _without_scraps(_bands(wall, mouth), wall)
+        away_m = surface_tree(wall, mouth).distance_m[wall.triangles].mean(axis=1)
+        at_wall = _without_scraps(_bands(wall, away_m), wall)
         self.n = int(at_wall.max()) + 1
+        self.away_m = np.bincount(at_wall, away_m) / np.bincount(at_wall)
         self.cell_of_vertex = np.zeros(n_wall, np.int32)
         self.cell_of_vertex[wall.triangles] = at_wall[:, None]
         closed = TriangleMesh(self.corners_m(rest_m), self.triangles)
@@ -157,9 +160,8 @@ def _closed(wall: TriangleMesh) -> tuple[list[IntArray], IntArray]:
     return rims, np.concatenate([wall.triangles, *fans]).astype(np.int32)
 
 
-def _bands(wall: TriangleMesh, mouth: IntArray) -> IntArray:
-    """Return for each triangle its band of equal distance from the mouth, in one piece each."""
-    away_m = surface_tree(wall, mouth).distance_m[wall.triangles].mean(axis=1)
+def _bands(wall: TriangleMesh, away_m: FloatArray) -> IntArray:
+    """Return for each triangle, by its distance from the mouth, its band of equal distance, in one piece each."""
     band = (away_m / (_TRIANGLES_LONG * _lengths_m(wall).max())).astype(np.int64)
     one, other = (paired_half_edges(wall) // 3).T
     same = band[one] == band[other]
