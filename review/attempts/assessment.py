@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 import numpy as np
 
+from trocar.protocol.topics import TICK_S
 from trocar.review.attempts.trace import Columns
 from trocar.services.training.errors import ErrorEvent
 from trocar.services.training.procedure import Span
@@ -14,6 +15,8 @@ from trocar.services.training.score import Score
 
 _SERIES_HZ = 10.0  # as many points as a figure of 900 pixels can show of 90 s
 _DIGITS = 6  # micrometres of a metre: finer than anything that was measured
+_EARLIER_S = 0.1
+"""How much before its end an attempt is looked at, because a recording may end with it: a rig judges each 83 ms."""
 FAULTS_ABOVE = 3
 """How many faults of the rig `Assessment.why_not` names, so that it stays a sentence; `RigQuality.faults` has all."""
 
@@ -90,6 +93,13 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     def counts(self) -> bool:
         """Whether it is compared with others."""
         return not self.why_not and self.outcome in ("success", "failure")
+
+    @property
+    def last_moment(self) -> tuple[int, int]:
+        """Rig's tick shortly before its end, -1 if unknown, and the wall-clock time, too early if ticks were slow."""
+        end_s = max(self.time_s - _EARLIER_S, 0.0)
+        tick = self.from_tick + round(end_s / TICK_S) if self.from_tick >= 0 else -1
+        return tick, self.began_ns + round(1e9 * end_s)
 
 
 def series_of(columns: Columns, tissues: Iterable[str]) -> Series:

@@ -48,6 +48,7 @@ def render(
     past: Sequence[Past] = (),
     band: Band | None = None,
     page: str = DEFAULT_PAGE,
+    cholangiogram: tuple[str, Sequence[str]] | None = None,
 ) -> str:
     """Return the report.
 
@@ -56,6 +57,7 @@ def render(
         past: All attempts of the trainee at this scenario up to this one, which comes last; empty where nobody keeps
             them.
         page: Address of the rig's page, which opens replays.
+        cholangiogram: Of its end: a PNG file in base 64, empty if there is none, and sentences about it.
     """
     experts: Band = band or {}
     advised = advice(found, rules, experts)
@@ -79,6 +81,7 @@ def render(
         metrics=_metric_rows(found, experts, rules, past),
         learning=_learning(past),
         cusum=_cusum(past, rules),
+        cholangiogram=cholangiogram,
         goals=GOALS,
         goes=len(past),
         faults_above=FAULTS_ABOVE,

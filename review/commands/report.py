@@ -11,7 +11,8 @@ from trocar.review.attempts.experts import load_band
 from trocar.review.attempts.recorded import assess_file
 from trocar.review.attempts.report import Past, render
 from trocar.services.cli import targets
-from trocar.services.runtime.errors import ConfigError
+from trocar.services.runtime.errors import ConfigError, UserError
+from trocar.services.training.scenario import asks_for_cholangiogram
 from trocar.services.training.score import load_rules
 
 
@@ -40,28 +41,51 @@ def run_report(request: ReportRequest) -> None:
     out = request.out or Path(f"report-{Path(request.what).stem}.html")
     targets.look_at_file("--out", out)
     if request.what.isdecimal():
-        found, trainee, past = _kept(request)
-        _write(out, found, request, trainee, past)
+        found, recording, trainee, past = _kept(request)
+        _write(out, found, recording, request, trainee, past)
         return
     chosen = _of_file(request)
     for number, each in chosen.items():
-        _write(out if len(chosen) == 1 else out.with_stem(f"{out.stem}-{number}"), each, request)
+        to = out if len(chosen) == 1 else out.with_stem(f"{out.stem}-{number}")
+        _write(to, each, Path(request.what), request)
 
 
-def _write(out: Path, found: Assessment, request: ReportRequest, trainee: str = "", past: Sequence[Past] = ()) -> None:
+def _write(
+    out: Path,
+    found: Assessment,
+    recording: Path,
+    request: ReportRequest,
+    trainee: str = "",
+    past: Sequence[Past] = (),
+) -> None:
     rules = load_rules(request.rules)
     band = load_band(request.experts, found.scenario) if request.experts else {}
-    text = render(found, rules, trainee=trainee, past=past, band=band, page=request.page)
+    still = _cholangiogram(found, recording)
+    text = render(found, rules, trainee=trainee, past=past, band=band, page=request.page, cholangiogram=still)
     targets.write_text("--out", out, text)
     print(out)
 
 
-def _kept(request: ReportRequest) -> tuple[Assessment, str, list[Past]]:
+def _cholangiogram(found: Assessment, recording: Path) -> tuple[str, list[str]] | None:
+    """Return the picture of an attempt's end and sentences about it, or why there is none; None if nobody asks."""
+    if not asks_for_cholangiogram(found.scenario):
+        return None
+    from trocar.review.export.still import Moment, still_of
+
+    tick, time_ns = found.last_moment
+    try:
+        still = still_of(recording, Moment(tick=tick, time_ns=time_ns))
+    except UserError as error:
+        return "", [f"It cannot be drawn: {error}."]
+    return still.image, still.words
+
+
+def _kept(request: ReportRequest) -> tuple[Assessment, Path, str, list[Past]]:
     from trocar.review.commands.attempts import reading
 
     with reading(request.database) as store:
         found, trainee = store.assessment(int(request.what))
-        return found, trainee, store.past(trainee, found.scenario, found.began_ns)
+        return found, store.recording(int(request.what)), trainee, store.past(trainee, found.scenario, found.began_ns)
 
 
 def _of_file(request: ReportRequest) -> dict[int, Assessment]:

@@ -21,13 +21,13 @@ _ROOM = 1e-3
 
 
 @dataclass(frozen=True)
-class Channel:
+class FlowChannel:
     """The way of the fluid through n cells.
 
     Attributes:
         volume_m3, wetted_m2, length_m: (n,). Of each cell: what is left to the fluid, what it touches, how far it goes.
         links: (b, 2). Cells between which it may flow.
-        outlets: Cells from which it leaves, once for each opening.
+        outlets: (o,). Cells from which it leaves, once for each opening.
     """
 
     volume_m3: FloatArray
@@ -46,9 +46,47 @@ class Channel:
         return resistance
 
 
-def free_channel(volume_m3: FloatArray, filled_m3: FloatArray) -> FloatArray:
+def free_volumes_m3(volume_m3: FloatArray, filled_m3: FloatArray) -> FloatArray:
     """Return what bodies leave of each cell's volume, never nothing."""
     return np.maximum(volume_m3 - filled_m3, _ROOM * volume_m3)
+
+
+@dataclass(frozen=True)
+class SteadyFlow:
+    """What flows through a channel while something is injected into one of its cells; in m3/s.
+
+    Attributes:
+        cell, rate_m3_s: Where, and how much is injected; none where the channel has no outlet.
+        through_m3_s: (b,). From the first to the second cell of each link, negative the other way.
+        out_m3_s: (o,). Through each outlet.
+    """
+
+    channel: FlowChannel
+    cell: int
+    rate_m3_s: float
+    through_m3_s: FloatArray
+    out_m3_s: FloatArray
+
+
+def steady_flow(channel: FlowChannel, cell: int, rate_m3_s: float) -> SteadyFlow:
+    """Return the flow that an injection drives: pressures by Kirchhoff's law, zero outside of the outlets."""
+    if not len(channel.outlets):
+        return SteadyFlow(channel, cell, 0.0, np.zeros(len(channel.links)), np.zeros(0))
+    half = channel.half_resistances()
+    first, second = channel.links.T
+    passes, leaves = 1.0 / (half[first] + half[second]), 1.0 / half[channel.outlets]
+    matrix = np.zeros((len(half), len(half)))
+    for row, column, value in (
+        (first, first, passes), (second, second, passes), (first, second, -passes), (second, first, -passes),
+        (channel.outlets, channel.outlets, leaves),
+    ):  # fmt: skip
+        np.add.at(matrix, (row, column), value)
+    right = np.zeros(len(half))
+    right[cell] = rate_m3_s
+    pressure: FloatArray = np.linalg.solve(matrix, right).astype(float)
+    through_m3_s: FloatArray = passes * (pressure[first] - pressure[second])
+    out_m3_s: FloatArray = leaves * np.maximum(pressure[channel.outlets], 0.0)  # below zero only by rounding
+    return SteadyFlow(channel, cell, rate_m3_s, through_m3_s, out_m3_s)
 
 
 class ContrastFlow:
@@ -66,35 +104,18 @@ class ContrastFlow:
         self.share: FloatArray = np.zeros(n)
         self.injected_m3 = self.left_m3 = 0.0
 
-    def inject(self, channel: Channel, cell: int, rate_m3_s: float, duration_s: float) -> None:
-        """Inject into a cell at a rate for so long; without an outlet nothing moves."""
-        if not len(channel.outlets):
-            return
-        pressure, out = _solve_pressures(channel, cell, rate_m3_s)
-        flow, half = np.zeros((len(pressure), len(pressure))), channel.half_resistances()
-        for a, b in channel.links:  # flow[i, j]: from i to j
-            passes = (pressure[a] - pressure[b]) / (half[a] + half[b])
-            flow[(a, b) if passes > 0.0 else (b, a)] += abs(passes)
+    def inject(self, flow: SteadyFlow, duration_s: float) -> None:
+        """Inject agent for so long, and carry what is there with the flow."""
+        channel, n = flow.channel, len(self.share)
         held = channel.volume_m3 / duration_s
-        matrix = np.diag(held + flow.sum(axis=1) + out) - flow.T
+        carried = np.zeros((n, n))  # [i, j]: from cell i to cell j
+        first, second = channel.links.T
+        np.add.at(carried, (first, second), np.maximum(flow.through_m3_s, 0.0))
+        np.add.at(carried, (second, first), np.maximum(-flow.through_m3_s, 0.0))
+        out = np.bincount(channel.outlets, flow.out_m3_s, n)
+        matrix = np.diag(held + carried.sum(axis=1) + out) - carried.T
         right = held * self.share
-        right[cell] += rate_m3_s
+        right[flow.cell] += flow.rate_m3_s
         self.share = np.linalg.solve(matrix, right).astype(float)
-        self.injected_m3 += rate_m3_s * duration_s
+        self.injected_m3 += flow.rate_m3_s * duration_s
         self.left_m3 += float(out @ self.share) * duration_s
-
-
-def _solve_pressures(channel: Channel, cell: int, rate_m3_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return the pressure in each cell (n,), that outside being zero, and the flow out of it through openings (n,)."""
-    half = channel.half_resistances()
-    matrix, open_to = np.zeros((len(half), len(half))), np.zeros(len(half))
-    for a, b in channel.links:
-        passes = 1.0 / (half[a] + half[b])
-        matrix[[a, b, a, b], [a, b, b, a]] += passes, passes, -passes, -passes
-    np.add.at(open_to, channel.outlets, 1.0 / half[channel.outlets])
-    matrix += np.diag(open_to)
-    right = np.zeros(len(half))
-    right[cell] = rate_m3_s
-    pressure: FloatArray = np.linalg.solve(matrix, right).astype(float)
-    outflow: FloatArray = open_to * np.maximum(pressure, 0.0)
-    return pressure, outflow

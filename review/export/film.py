@@ -56,10 +56,10 @@ def recorded_camera(path: Path, view: str, size: tuple[int, int], needed_for: st
     Raises RecordingError if its scene is not in it, MissingPackageError if a package is not installed.
     """
     draw_off_screen(os.environ)
-    return Camera(*_recorded_scene(path), size, view, needed_for)
+    return Camera(*recorded_scene(path), size, view, needed_for)
 
 
-def _recorded_scene(path: Path) -> tuple[SceneModel, str, ReducedDuct]:
+def recorded_scene(path: Path) -> tuple[SceneModel, str, ReducedDuct]:
     """Return the scene of a recording, its name and its duct. Raises RecordingError if its scene is not in it."""
     metadata, attachments = read_extras(path)
     about = metadata.get("trocar", {})

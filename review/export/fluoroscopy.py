@@ -47,11 +47,14 @@ class Lens:
 
 
 def lens_on(points_m: FloatArray | Float32Array, size: tuple[int, int]) -> Lens:
-    """Return the lens that sees points (n, 3) spread out most, the longer way across; it is turned as a C-arm is."""
+    """Return the lens that sees points (n, 3) spread out most, the longer way across; it is turned as a C-arm is.
+
+    What is up in the scene, +z, is up in the picture, too, unless one looks from above.
+    """
     middle = 0.5 * (points_m.min(axis=0) + points_m.max(axis=0)).astype(float)
     _, axes = np.linalg.eigh(np.cov(points_m.T.astype(float)))
     right, back = (axis * np.sign(axis[np.abs(axis).argmax()]) for axis in (axes[:, 2], axes[:, 0]))
-    ahead = -back
+    ahead = back if np.cross(right, back)[2] > 0.5 else -back
     lens = Lens(middle - SOURCE_M * ahead, np.stack([right, np.cross(ahead, right), ahead]), 1.0)
     seen = lens.seen_m(points_m)
     across = np.abs(seen[:, :2] / seen[:, 2:]).max(axis=0)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from trocar.services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from trocar.services.mechanics.bodies.lumen import winding_number
@@ -54,9 +53,11 @@ class LumenCells:
         triangles: (u, 3). The split wall, and fans that close its openings, each over a vertex of its own.
         wall: (u,) bool. Which of them are wall.
         cell: (u,). The cell of each triangle.
+        cell_of_vertex: The cell of each vertex of the split wall, one of those that meet there.
         openings: Vertices of each open rim, longest first.
         opening_cells: For each opening the cells that end there.
         borders: Caps between cells.
+        away_m: (n,). Mean distance of each cell's wall from the mouth, along the wall at rest.
         n: Number of cells.
     """
 
@@ -68,17 +69,19 @@ class LumenCells:
             edges, finer = refine(wall.triangles, wall.n_vertices)
             self._splits.append(edges)
             wall = TriangleMesh(_split(wall.vertices_m, edges), finer)
-        self._n_wall = wall.n_vertices
+        n_wall = wall.n_vertices
         self.openings, self.triangles = _closed(wall)
         self.wall = np.arange(len(self.triangles)) < wall.n_triangles
-        at_wall = _without_scraps(_bands(wall, mouth), wall)
+        away_m = surface_tree(wall, mouth).distance_m[wall.triangles].mean(axis=1)
+        at_wall = _without_scraps(_bands(wall, away_m), wall)
         self.n = int(at_wall.max()) + 1
-        self._cell_of_vertex = np.zeros(self._n_wall, np.int32)
-        self._cell_of_vertex[wall.triangles] = at_wall[:, None]
+        self.away_m = np.bincount(at_wall, away_m) / np.bincount(at_wall)
+        self.cell_of_vertex = np.zeros(n_wall, np.int32)
+        self.cell_of_vertex[wall.triangles] = at_wall[:, None]
         closed = TriangleMesh(self.corners_m(rest_m), self.triangles)
         self.cell = _with_fans(at_wall, closed)
-        over = self.triangles[:, 2] - self._n_wall  # the opening that a fan closes
-        self.opening_cells = [np.unique(self.cell[over == opening]) for opening in range(len(self.openings))]
+        self._over = self.triangles[:, 2] - n_wall  # the opening that a fan closes
+        self.opening_cells = [np.unique(self.cell[self._over == opening]) for opening in range(len(self.openings))]
         self.borders = _borders(closed, self.cell)
 
     def corners_m(self, points_m: Float32Array | FloatArray) -> FloatArray:
@@ -112,15 +115,15 @@ class LumenCells:
         turns = [winding_number(place_m, self._unsplit, unsplit_m) for place_m in places_m]
         return np.array(turns, float) > 0.5
 
-    def nearest_cells(self, corners_m: FloatArray, places_m: FloatArray) -> IntArray:
-        """Return the cell whose wall is nearest to each place (k, 3)."""
-        _, nearest = KDTree(corners_m[: self._n_wall]).query(places_m)
-        cells: IntArray = self._cell_of_vertex[nearest]
-        return cells
-
     def border_middles_m(self, corners_m: FloatArray) -> FloatArray:
         """Return the middle of each border (b, 3)."""
         return np.array([corners_m[cap.edges].mean(axis=(0, 1)) for cap in self.borders]).reshape(-1, 3)
+
+    def end_middle_m(self, corners_m: FloatArray, opening: int, cell: int) -> FloatArray:
+        """Return the middle (3,) of what a cell has of an opening."""
+        fan = self.triangles[(self._over == opening) & (self.cell == cell)]
+        middle_m: FloatArray = corners_m[fan].mean(axis=(0, 1))
+        return middle_m
 
 
 def _split(points_m: FloatArray, edges: IntArray) -> FloatArray:
@@ -157,9 +160,8 @@ def _closed(wall: TriangleMesh) -> tuple[list[IntArray], IntArray]:
     return rims, np.concatenate([wall.triangles, *fans]).astype(np.int32)
 
 
-def _bands(wall: TriangleMesh, mouth: IntArray) -> IntArray:
-    """Return for each triangle its band of equal distance from the mouth, in one piece each."""
-    away_m = surface_tree(wall, mouth).distance_m[wall.triangles].mean(axis=1)
+def _bands(wall: TriangleMesh, away_m: FloatArray) -> IntArray:
+    """Return for each triangle, by its distance from the mouth, its band of equal distance, in one piece each."""
     band = (away_m / (_TRIANGLES_LONG * _lengths_m(wall).max())).astype(np.int64)
     one, other = (paired_half_edges(wall) // 3).T
     same = band[one] == band[other]

@@ -16,6 +16,7 @@ from trocar.services.mechanics.scene import SceneModel
 from trocar.services.runtime.bus.bus import Bus
 from trocar.services.runtime.errors import MissingPackageError
 from trocar.services.visualization.composer import Composer
+from trocar.services.visualization.picture import Picture, PictureLayout
 
 Image = npt.NDArray[np.uint8]
 CODEC, PIXELS = "libx264", "yuv420p"
@@ -37,6 +38,9 @@ class Camera:
     """A view of a scene, one of `views.FilmView`.
 
     Raises MissingPackageError that says what needs the package.
+
+    Attributes:
+        renderer: OffScreenRenderer. What draws the view.
     """
 
     def __init__(
@@ -49,7 +53,7 @@ class Camera:
         needed_for: str = "an image",
     ) -> None:
         try:
-            self._renderer = FilmView(view).open_renderer(size, scene)
+            self.renderer = FilmView(view).open_renderer(size, scene)
         except ModuleNotFoundError as error:
             raise MissingPackageError(needed_for, error.name) from None
         self._bus = _Newest()
@@ -57,14 +61,18 @@ class Camera:
 
     def image(self, frames: Mapping[str, Frame]) -> Image:
         """Return the picture (height, width, 3) of these frames."""
+        self.renderer.update(*self.compose(frames))
+        return np.array(self.renderer.image())
+
+    def compose(self, frames: Mapping[str, Frame]) -> tuple[PictureLayout, Picture]:
+        """Return what is drawn of these frames."""
         self._bus.frames = frames
         picture = self._composer.compose()
-        self._renderer.update(self._composer.layout, picture)
-        return np.array(self._renderer.image())
+        return self._composer.layout, picture
 
     def close(self) -> None:
         """Close the renderer."""
-        self._renderer.close()
+        self.renderer.close()
 
 
 def write_pictures(

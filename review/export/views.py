@@ -44,8 +44,12 @@ def _fluoroscope(size: Size, _scene: SceneModel) -> OffScreenRenderer:
 def _cholangioscope(size: Size, scene: SceneModel) -> OffScreenRenderer:
     """Return the view with contrast; in a duct that is cut the mouth is the gallbladder's neck, which is tied."""
     from trocar.review.export.cholangiogram import Cholangioscope
+    from trocar.services.mechanics.effects.gravity import GravitySettings
 
-    return Cholangioscope(size, frozenset({"mouth"} if scene.duct.incision is not None else ()))
+    tied = frozenset({"mouth"} if scene.duct.incision is not None else ())
+    gravity = scene.effects.get("gravity")
+    weighs_m_s2 = gravity.acceleration_m_s2 if isinstance(gravity, GravitySettings) else (0.0, 0.0, 0.0)
+    return Cholangioscope(size, tied, scene.catheter.bubbles, weighs_m_s2)
 
 
 class FilmView(StrEnum):

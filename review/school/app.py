@@ -49,6 +49,10 @@ def _trainee_routes(bench: Bench) -> list[Route]:
         query = request.query_params
         return bench.curve(query.get("trainee", ""), query.get("scenario", ""))
 
+    def cholangiogram(request: Request, _ask: PageQuery) -> object:
+        found = bench.cholangiogram(_number(request))
+        return as_json({}, 202) if found is None else Response(found, media_type="application/json")
+
     return [
         Route("/state", answering(lambda _r, _a: bench.state())),
         Route("/pulse", answering(lambda _r, _a: bench.pulse())),
@@ -58,6 +62,7 @@ def _trainee_routes(bench: Bench) -> list[Route]:
         Route("/course", answering(choose), methods=["POST"]),
         Route("/attempts", answering(lambda r, _a: bench.listed(r.query_params.get("trainee", "")))),
         Route("/attempts/{number:int}", answering(lambda r, _a: bench.report(_number(r)))),
+        Route("/attempts/{number:int}/cholangiogram", answering(cholangiogram)),
         Route("/curve", answering(curve)),
         Route("/ghost/{scenario}", answering(lambda r, _a: {"attempt_id": bench.ghost(r.path_params["scenario"])})),
         Route("/scales", answering(lambda _r, _a: SCALES)),

@@ -23,8 +23,9 @@ from trocar.review.school import reports
 from trocar.review.school.courses import Course, Made, StepStanding, course_names, load_course, standing, today
 from trocar.review.school.listening import wall_minus_monotonic_ns
 from trocar.review.school.replays import Replays, folder_of
+from trocar.review.school.stills import Stills
 from trocar.services.runtime.errors import ConfigError, UserError
-from trocar.services.training.scenario import Scenario, load_scenario
+from trocar.services.training.scenario import Scenario, asks_for_cholangiogram, load_scenario
 from trocar.services.training.score import Band, ScoreRules, load_rules
 from trocar.services.training.site import Site
 
@@ -64,6 +65,7 @@ class Bench:
         self.messages: list[dict[str, Any]] = []
         self._picture, self._picture_s, self._watched_s = b"", -_LOOKED_S, -_LOOKED_S
         self.replays = Replays(folder_of(database))
+        self._stills = Stills(self.replays)
         self.journal = ActJournal(journal or folder_of(database).with_suffix(".journal"))
 
     def pulse(self) -> dict[str, Any]:
@@ -186,8 +188,21 @@ class Bench:
             past = store.past(trainee, found.scenario, found.began_ns)
             band, behind = self._band(store, found.scenario)
             said = store.notes(attempt=number)
+            has_cholangiogram = asks_for_cholangiogram(found.scenario) and store.recording(number).is_file()
         told = reports.report(found, self._rules, band, past, has_replay=self.replays.has(found.attempt_id))
-        return {**told, "number": number, "trainee": trainee, "band_of": behind, "notes": said}
+        return {
+            **told, "number": number, "trainee": trainee, "band_of": behind, "notes": said,
+            "has_cholangiogram": has_cholangiogram,
+        }  # fmt: skip
+
+    def cholangiogram(self, number: int) -> bytes | None:
+        """Return the cholangiogram of an attempt's end by `Stills`, None while it is drawn; or raise UserError."""
+        with self._lock, self.store() as store:
+            found, _ = store.assessment(number)
+            recording = store.recording(number)
+        if not asks_for_cholangiogram(found.scenario):
+            raise UserError(f"the scenario {found.scenario} asks for no cholangiogram")
+        return self._stills.still(found, recording)
 
     def curve(self, trainee: str, scenario: str) -> dict[str, Any]:
         """Return the learning curve of a trainee at a scenario."""

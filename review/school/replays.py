@@ -42,6 +42,10 @@ class Replays:
         """Return the file of an attempt's last picture."""
         return self.path(attempt_id).with_suffix(".jpg")
 
+    def cholangiogram(self, attempt_id: str) -> Path:
+        """Return the file of the cholangiogram of an attempt's end."""
+        return self.path(attempt_id).with_suffix(".cholangiogram")
+
     def keep_picture(self, attempt_id: str, data: bytes) -> None:
         """Keep the last picture of an attempt; the first one counts."""
         path = self.picture(attempt_id)
@@ -69,3 +73,4 @@ class Replays:
             if each:
                 self.path(each).unlink(missing_ok=True)
                 self.picture(each).unlink(missing_ok=True)
+                self.cholangiogram(each).unlink(missing_ok=True)

@@ -19,6 +19,7 @@ _POSITIVE = {
     "mesh_lumen_diameter_m",
     "guide_wire": "outer_diameter_m youngs_modulus_pa density_kg_m3 out_m least_out_m reach_m",
     "section": "length_m youngs_modulus_pa",
+    "bubble": "radius_m",
     "catheter": "n_segments length_m outer_diameter_m youngs_modulus_pa density_kg_m3 introducer_length_m",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
     "quality": "iterations ticks_per_step cost_us",
@@ -28,6 +29,7 @@ _NOT_NEGATIVE = {
     "catheter": "inner_diameter_m before_mouth_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m "
     "introducer_friction introducer_seal_friction_n spectral_radius",
     "guide_wire": "friction",
+    "bubble": "after_m3",
     "contact": "margin_m recovery penalty_damping_n_s_m",
     "quality": "force_error_percent motion_error_percent",
 }
@@ -171,3 +173,5 @@ def _parts(scene: SceneModel) -> Iterator[tuple[str, str, Any]]:
     ):
         for k, section in enumerate(sections):
             yield "section", f"{path}.sections.{k}", section
+    for k, bubble in enumerate(scene.catheter.bubbles):
+        yield "bubble", f"catheter.bubbles.{k}", bubble

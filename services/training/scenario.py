@@ -108,7 +108,8 @@ class Scenario:
     """A file of configs/scenarios.
 
     ``set`` contains ``key=value`` overrides of the scene; ``par`` maps a metric, with its unit in its name, to the
-    result of simulated hands; ``name`` is the file's.
+    result of simulated hands; ``name`` is the file's. With ``cholangiogram`` the report of an attempt shows its end by
+    X-rays with contrast agent.
     """
 
     __pydantic_config__ = STRICT
@@ -122,6 +123,7 @@ class Scenario:
     limits: Mapping[str, Limit] = field(default_factory=dict)
     par: Mapping[str, float] = field(default_factory=dict)
     view: View = View()
+    cholangiogram: bool = False
 
     def limit(self, name: str) -> float:
         """Return a limit by name, the scenario's own or that of `LIMITS`."""
@@ -138,6 +140,14 @@ def load_scenario(name: str | Path) -> Scenario:
     if wrong := _fault(scenario):
         raise ConfigError(f"{path}: {wrong}")
     return scenario
+
+
+def asks_for_cholangiogram(name: str) -> bool:
+    """Return whether a scenario asks for a cholangiogram; one that is not there any more does not, nor no scenario."""
+    try:
+        return bool(name) and load_scenario(name).cholangiogram
+    except ConfigError:
+        return False
 
 
 def scenario_of(scene: str, name: str | None) -> Scenario | None:

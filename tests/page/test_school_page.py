@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests import chromium
 from tests.by_day import by_day
 from tests.page.school_page import TOKEN, SchoolPage, assessed, replay, school_page
 from tests.patience import PATIENCE_S
+from trocar.review.export.png import grey_png
 from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.training.errors import ERRORS, ErrorEvent
 
@@ -194,6 +198,23 @@ def test_own_hands_go_on_from_a_second_of_an_attempt(page: SchoolPage) -> None:
         "document.getElementById('go-on-said').textContent.startsWith('The rig runs your attempt')", "it is told"
     )
     assert (page.asked[-1].what, page.asked[-1].line) == ("take_over", "own.mcap 3000 basic")
+    page.press("#sheet-close")
+
+
+def test_a_report_shows_the_cholangiogram_once_it_is_drawn(page: SchoolPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    enter(page)
+    folder = page.context.rig.recorder.directory
+    folder.mkdir(exist_ok=True)
+    (folder / "own.mcap").write_bytes(b"")
+    image = base64.b64encode(grey_png(np.full((48, 64), 128, np.uint8))).decode()
+    still = {"image": image, "words": ["Agent reaches the common duct."]}
+    monkeypatch.setattr("trocar.review.school.bench.asks_for_cholangiogram", lambda _name: True)
+    answers = [None, None, json.dumps(still).encode()]  # it is still drawn, and then it is there
+    monkeypatch.setattr(page.bench, "cholangiogram", lambda _number: answers.pop(0))
+    page.bench.take_assessment(assessed("20261130T9-a"), folder / "own.mcap")
+    page.browser.evaluate(f"trocar.school.sheet.report({page.bench.state()['last']})")
+    page.until("document.querySelector('#cholangiogram img')?.naturalWidth === 64", "the picture")
+    assert "Agent reaches the common duct." in page.browser.text("#cholangiogram")
     page.press("#sheet-close")
 
 

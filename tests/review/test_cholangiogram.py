@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from trocar.review.export.cholangiogram import CONTRAST_1_M, RATE_M3_S, Cholangioscope
-from trocar.review.export.contrast_flow import Channel, ContrastFlow
+from trocar.review.export.contrast_flow import ContrastFlow, FlowChannel, steady_flow
+from trocar.review.export.filled_lumen import FilledLumen
 from trocar.review.export.lumen_cells import LumenCells
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
 from trocar.services.mechanics.scene.duct_tubes import duct_tubes
@@ -80,7 +81,8 @@ def test_a_place_is_in_the_cell_that_is_there():
     random = np.random.default_rng(4)
     x, r, angle = random.uniform(-0.01, 0.07, 200), random.uniform(0.0, 8e-3, 200), random.uniform(0.0, 7.0, 200)
     places_m = np.stack([x, r * np.cos(angle), r * np.sin(angle)], axis=1)
-    found = np.where(cells.contains(corners_m, places_m), cells.nearest_cells(corners_m, places_m), -1)
+    lumen = FilledLumen(cells, corners_m, [], np.zeros((0, 3)), np.zeros((0, 2), np.int32))
+    found = np.where(cells.contains(corners_m, places_m), lumen.cells_at(places_m), -1)
     inside = (x > 0.0) & (x < LENGTH_M) & (r < RADIUS_M * np.cos(np.pi / AROUND))
     outside = (x < 0.0) | (x > LENGTH_M) | (r > RADIUS_M)
     assert (found[inside] >= 0).all()
@@ -98,13 +100,13 @@ def _extent_m(cells, corners_m, cell):
 
 def a_channel(n, outlets=(0,), links=None, volume_m3=1e-8, length_m=1e-3):
     links = np.array([(k, k + 1) for k in range(n - 1)] if links is None else links)
-    return Channel(np.full(n, volume_m3), np.full(n, 2e-5), np.full(n, length_m), links, np.array(outlets))
+    return FlowChannel(np.full(n, volume_m3), np.full(n, 2e-5), np.full(n, length_m), links, np.array(outlets))
 
 
 def test_what_was_injected_is_there_or_has_left_and_no_share_leaves_its_bounds():
     flow, channel = ContrastFlow(20), a_channel(20, outlets=(0, 19))
     for duration_s in (1e-3, 10.0, 0.05, 300.0, 0.05):
-        flow.inject(channel, 7, 0.2e-6, duration_s)
+        flow.inject(steady_flow(channel, 7, 0.2e-6), duration_s)
         assert flow.share.min() >= -1e-12
         assert flow.share.max() <= 1.0 + 1e-12
         there_m3 = float(flow.share @ channel.volume_m3)
@@ -118,7 +120,7 @@ def test_the_front_moves_with_the_flow_over_the_cross_section():
     area_m2 = channel.volume_m3[0] / channel.length_m[0]
     time_s = 0.25 * n * 1e-3 * area_m2 / rate_m3_s
     for _ in range(400):
-        flow.inject(channel, 0, rate_m3_s, time_s / 400)
+        flow.inject(steady_flow(channel, 0, rate_m3_s), time_s / 400)
     reach_m = rate_m3_s * time_s / area_m2
     assert flow.share.sum() * 1e-3 == pytest.approx(reach_m, rel=1e-6)
     half = np.searchsorted(-flow.share, -0.5) * 1e-3
@@ -136,12 +138,12 @@ def test_two_ways_share_the_flow_by_poiseuille(more):
     links += [(0, short + 1), *((k, k + 1) for k in range(short + 1, short + long))]
     channel = a_channel(1 + short + long, outlets=(short, short + long), links=links)
     full, left_m3 = ContrastFlow(1 + short + long), []
-    full.inject(channel, 0, 0.2e-6, 1e9)
+    full.inject(steady_flow(channel, 0, 0.2e-6), 1e9)
     np.testing.assert_allclose(full.share, 1.0, rtol=1e-6)
     for out in (short, short + long):  # what one end loses, if agent is there alone
         flow = ContrastFlow(1 + short + long)
         flow.share[out] = 1.0
-        flow.inject(channel, 0, 0.2e-6, 1e-6)
+        flow.inject(steady_flow(channel, 0, 0.2e-6), 1e-6)
         left_m3.append(flow.left_m3)
     assert left_m3[0] / left_m3[1] == pytest.approx((long + 0.5) / (short + 0.5), rel=1e-3)
     assert sum(left_m3) == pytest.approx(0.2e-6 * 1e-6, rel=1e-3)

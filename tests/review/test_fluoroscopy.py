@@ -124,6 +124,17 @@ def test_the_lens_spreads_out_what_it_sees_and_keeps_it_within_the_picture():
     assert np.linalg.det(lens.axes) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("spread_m", [(30e-3, 5e-3, 15e-3), (15e-3, 5e-3, 30e-3), (5e-3, 15e-3, 30e-3)])
+def test_what_is_up_is_up_in_the_picture_unless_one_looks_from_above(spread_m):
+    points_m = np.random.default_rng(2).normal(0.0, 1.0, (400, 3)) * spread_m
+    lens = fluoroscopy.lens_on(points_m, SIZE)
+    assert np.linalg.det(lens.axes) == pytest.approx(1.0)
+    if spread_m.index(max(spread_m)) != 2:
+        assert lens.axes[1, 2] < -0.9
+    (place,) = lens.seen_m(lens.eye_m[None] + 0.7 * lens.axes[2:])
+    np.testing.assert_allclose(place, (0.0, 0.0, 0.7), atol=1e-12)
+
+
 def test_it_needs_neither_display_nor_pyvista():
     text = "import sys; sys.modules['pyvista'] = None; from trocar.review.export.views import FilmView"
     text += "; print(FilmView.FLUOROSCOPY.open_renderer((8, 6), None).image().shape)"

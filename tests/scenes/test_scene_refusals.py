@@ -69,6 +69,8 @@ FILES = [
         r"a.yaml: catheter.tip_position_m.1: must not be above 1e",
     ),
     ("duct: {length_m: 40, radius_m: 4, thickness_m: 0.5}", r"a.yaml: duct.length_m: must not be above 2, is 40"),
+    ("catheter: {bubbles: [{radius_m: 0}]}", r"a.yaml: catheter.bubbles.0.radius_m: must be positive"),
+    ("catheter: {bubbles: [{radius_m: 1, after_m3: -1}]}", r"catheter.bubbles.0.after_m3: must not be negative"),
     ("catheter: {length_m: 120}", r"catheter.length_m: must not be above 10 m, is 120; is it in another unit\?"),
     (
         "forceps: [{}, {port_position_m: [10, -70, 110]}]",

@@ -24,7 +24,7 @@ from trocar.review.attempts.report import Past
 from trocar.review.attempts.store.database import ENVIRONMENT, Database, StoreError, UnknownError, default_url
 from trocar.review.attempts.store.erasing import erase_rows, number_of, plan_erasure
 from trocar.review.attempts.store.migrate import migrate
-from trocar.review.attempts.store.recordings import Erased, Plan, reason_of, remove, to_stored
+from trocar.review.attempts.store.recordings import Erased, Plan, from_stored, reason_of, remove, to_stored
 from trocar.review.attempts.store.rows import DAMAGED, Query, read_rows, to_record, unreadable
 from trocar.review.attempts.store.tables import Note, StoredAttempt, Trainee
 
@@ -208,6 +208,12 @@ class Store:
             return _unpacked(whole), whole.trainee
         except DAMAGED:
             raise StoreError(unreadable([number])) from None
+
+    def recording(self, number: int) -> Path:
+        """Return the recording that an attempt was judged by; it may not be there any more."""
+        with self._database.reading() as session:
+            stored = session.scalar(select(StoredAttempt.recording).where(StoredAttempt.id == number))
+        return from_stored(str(stored))
 
     def past(self, trainee: str, scenario: str, until_ns: int) -> list[Past]:
         """Return the attempts of a trainee at a scenario up to a moment, oldest first."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from trocar.services.mechanics.fem.elements import BendingChoice, MembraneName
+from trocar.services.mechanics.scene.air_bubble import AirBubble
 from trocar.services.mechanics.scene.catheter_section import CatheterSection
 from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
@@ -99,6 +100,7 @@ class CatheterScene:
     ``spectral_radius`` is the numerical damping of the implicit integrator: the factor, 0 to 1, by which vibrations far
     too fast for the step fall in each step. At 1 they persist, at 0 they vanish at once; vibrations that the step
     resolves are hardly damped. "semi_implicit" is the paper's integrator, without numerical damping.
+    ``bubbles`` is the air that comes with contrast agent where nobody has flushed its lumen; a cholangiogram shows it.
     """
 
     product: str | None = None
@@ -114,6 +116,7 @@ class CatheterScene:
     rest_curvature_1_m: tuple[Vector3, ...] = ()
     sections: tuple[CatheterSection, ...] = ()
     guide_wire: GuideWireScene | None = None
+    bubbles: tuple[AirBubble, ...] = ()
     tip_position_m: Vector3 = (46e-3, 0.0, 0.0)
     direction: Vector3 = (-1.0, 0.0, 0.0)
     before_mouth_m: float | None = None

@@ -46,7 +46,7 @@ export class Sheet {
     const left = element("div", { className: "replay-box" }), right = element("div", { className: "report" });
     $("sheet-body").replaceChildren(left, right);
     right.replaceChildren(
-      this.verdict(report), this.buttons(next), this.costs(report), this.advice(report), await this.curve(report), this.ratings(report),
+      this.verdict(report), this.buttons(next), this.costs(report), this.advice(report), this.cholangiogram(report), await this.curve(report), this.ratings(report),
     );
     await this.replay(left, report);
   }
@@ -77,6 +77,29 @@ export class Sheet {
 
   advice(report) {
     return element("section", { className: "advice" }, element("h2", { textContent: t("Practise next") }), ...report.advice.map((each) => element("p", { textContent: said(each) })));
+  }
+
+  // The end of the attempt by X-rays, with what it shows; the school draws it now, which takes some seconds.
+  cholangiogram(report) {
+    if (!report.has_cholangiogram) return "";
+    const told = element("p", { className: "message", textContent: t("The cholangiogram is drawn…") });
+    const box = element("section", { id: "cholangiogram" }, element("h2", { textContent: t("Cholangiogram at the end") }), told);
+    this.still(report.number).then(
+      ({ image, words }) => told.replaceWith(
+        element("img", { alt: words.map(said).join(" "), src: `data:image/png;base64,${image}` }),
+        ...words.map((each) => element("p", { textContent: said(each) })),
+      ),
+      (error) => text(told, error.message),
+    );
+    return box;
+  }
+
+  // The school answers without an image while it still draws; it is asked again as long as the sheet is open.
+  async still(number) {
+    for (;;) {
+      const found = await this.school.ask(`attempts/${number}/cholangiogram`);
+      if (found.image || !this.open) return { image: "", words: [], ...found };
+    }
   }
 
   async curve(report) {
