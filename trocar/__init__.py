@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from trocar.front import AirBubble as AirBubble
     from trocar.front import CandidateSearch as CandidateSearch
     from trocar.front import CatheterBody as CatheterBody
     from trocar.front import CatheterScene as CatheterScene
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     from trocar.front import wall_m as wall_m
 
 __all__ = [
+    "AirBubble",
     "CandidateSearch",
     "CatheterBody",
     "CatheterScene",

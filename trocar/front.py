@@ -30,6 +30,7 @@ from trocar.services.mechanics.scene import (
     QualityLevel,
 )
 from trocar.services.mechanics.scene import SceneModel as Scene
+from trocar.services.mechanics.scene.air_bubble import AirBubble
 from trocar.services.mechanics.scene.catheter_section import CatheterSection
 from trocar.services.mechanics.scene.cystic_duct import CysticDuctScene
 from trocar.services.mechanics.scene.duct_branch import DuctBranch
@@ -103,6 +104,7 @@ NAMED_ONLY = frozenset(
         "DuctBody",
         "CysticDuctScene",
         "DuctBranch",
+        "AirBubble",
         "GuideWireScene",
         "HoldRegistry",
         "IncisionScene",
@@ -122,6 +124,7 @@ NAMED_ONLY = frozenset(
 )
 
 __all__ = [
+    "AirBubble",
     "CandidateSearch",
     "CatheterBody",
     "CatheterScene",
