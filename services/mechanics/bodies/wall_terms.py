@@ -68,6 +68,7 @@ class WallTerms:
         self._gain_dt_s = np.zeros(1)  # of the step whose gain is in the terms' rows: it goes back with them
         self._to_fade, self._is_fading = {"membrane": 0.0, "pattern": 0.0}, False
         self.is_kept, self.lost_j = False, 0.0
+        self._begun_j = 0.0  # what the tank held when the step began
         self._lagging_of = b"", 0.0  # the last state that it was found of, and what was found
 
     @property
@@ -85,6 +86,7 @@ class WallTerms:
     def hold(self, dt_s: float) -> None:
         """Hold the mean force of the step that begins: call it when all other loads on the modes are there."""
         duct, step = self._duct, self.step
+        self._begun_j = float(step.books[TANK])
         if dt_s != self._gain_dt_s[0]:
             step.take_gain(duct.held_gain)
             self._gain_dt_s[0] = dt_s
@@ -158,9 +160,12 @@ class WallTerms:
 
     @property
     def is_settled(self) -> bool:
-        """Whether the step owes no more energy than `MOST_OWED` of what is stored."""
+        """Whether the step owes no more energy than `MOST_OWED` of what is stored, or than it began with.
+
+        What is stored may fall below a debt that was small once: a wall that comes to rest must not stand still for it.
+        """
         books = self.step.books
-        return bool(books[TANK] >= -CREDIT_J - MOST_OWED * abs(books[ENERGY]))
+        return bool(books[TANK] >= min(-CREDIT_J - MOST_OWED * abs(books[ENERGY]), self._begun_j))
 
     def energy_j(self) -> float:
         """Return the energy of all terms, with what lags; too slow for every tick where the wall relaxes."""

@@ -52,6 +52,7 @@ class ContactProblem(Struct):
     schur_pivots: Annotated[IntArray, "m"]
     lowest_j: float = 0.0  # lowest potential of this solve
     is_cut: bool = False  # whether the last solve has ended for want of work: rows may end too deep
+    cycles: bool = False  # whether Coulomb's law has led in circles in this part of a step
     products_left: float = UNBOUNDED  # block products (3 x 3) that solves may still take, see `sweeps`
 
     @classmethod

@@ -76,20 +76,34 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     rows.pressure_n[:k] = PRESENT
     copy_rows(rows.force_n, problem.first_n, k)
     update_motion(problem, W)
-    allowed = min(max(CYCLING, effort[0]) * products_of_sweep(problem), MOST_BY_COULOMB)
-    kept = set_aside(problem, allowed)
-    sweeps, is_solved = _iterate(problem, W, effort)
-    cycles = kept > allowed
-    problem.products_left += kept
+    sweeps, is_solved = 0, False
+    if not problem.cycles:
+        sweeps, is_solved = _iterate_by_coulomb(problem, W, effort)
     if not is_solved and can_sweep(problem):
-        if cycles:
-            copy_rows(problem.first_n, rows.force_n, k)
         more, is_solved = _take_turns(problem, W, effort)
         sweeps += more
     problem.is_cut = not is_solved
     if not is_solved:
         _take_least_multiple(problem, W)
     return sweeps
+
+
+@kernel
+def _iterate_by_coulomb(problem: ContactProblem, W: FloatArray, effort: tuple[int, float]) -> tuple[int, bool]:
+    """Iterate with friction bounded by the present pressures; return the number of sweeps, and whether it was solved.
+
+    Where it cycles, the forces are those that the solve began with. Other solves of the same part of a step would
+    cycle too, as they differ by some rows, or by how much overlap is recovered.
+    """
+    rows, k = problem.rows, problem.rows.n_contacts
+    allowed = min(max(CYCLING, effort[0]) * products_of_sweep(problem), MOST_BY_COULOMB)
+    kept = set_aside(problem, allowed)
+    sweeps, is_solved = _iterate(problem, W, effort)
+    problem.products_left += kept
+    problem.cycles = not is_solved and kept > allowed
+    if problem.cycles:
+        copy_rows(problem.first_n, rows.force_n, k)
+    return sweeps, is_solved
 
 
 @kernel

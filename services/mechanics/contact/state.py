@@ -58,3 +58,4 @@ def begin_rows(address: Address[ContactState], dt_s: float) -> None:
     """Remove all rows, and count the solves of a step of this length."""
     state = state_at(address)
     state.rows.n_contacts, state.rows.dt_s, state.ledger.n_solves = 0, dt_s, 0
+    state.problem.cycles = False

@@ -9,6 +9,8 @@ from trocar.services.mechanics.collision.pairs import NO_TOOL
 from trocar.services.mechanics.contact.laws import number_of
 from trocar.services.mechanics.contact.price import MARGIN
 from trocar.services.mechanics.contact.working_set import tolerated_overlap_m
+from trocar.services.mechanics.reduction.wall_step.energy_tank import MOST_OWED
+from trocar.services.mechanics.reduction.wall_step.implicit_step import CREDIT_J, ENERGY, TANK
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation, step_solver
 from trocar.services.mechanics.simulation.sound_start import begin_sound
@@ -116,6 +118,21 @@ def test_a_motion_that_owes_energy_does_not_happen_however_short_it_is(with_effe
     simulation.step(ToolInputs())
     assert simulation.withheld_s == pytest.approx(1e-3)
     assert np.array_equal(simulation.duct.state.q, q)
+
+
+def test_a_wall_that_owes_what_it_once_stored_much_of_does_not_stand_still_for_it(with_effects, small_duct):
+    """A debt of a hundredth of what was stored was more than that where the wall had come to rest: 100 ticks stood."""
+    scene = with_effects(nonlinear_membrane={"n_coordinates": 6})
+    simulation = Simulation(scene, small_duct)
+    press(simulation, 40)
+    for _ in range(500):
+        simulation.step(ToolInputs())
+    books = simulation.duct.terms.step.books
+    books[TANK] = begun_j = -CREDIT_J - 2.0 * MOST_OWED * abs(books[ENERGY])
+    for _ in range(10):
+        simulation.step(ToolInputs())
+    assert simulation.withheld_s == 0.0
+    assert books[TANK] >= begun_j
 
 
 def test_a_wall_whose_loads_press_it_through_the_catheter_begins_beside_it(small_scene, small_duct):
