@@ -14,7 +14,7 @@ const sources = folders.flatMap((folder) => readdirSync(folder).filter((each) =>
 
 test("every sentence of the school and the settings has a German one, with the same values", () => {
   for (const [name, source] of sources) {
-    const keys = [...source.matchAll(/\bt\("((?:[^"\\]|\\.)*)"/g), ...source.matchAll(/(?:ask|what|how): "((?:[^"\\]|\\.)*)"/g)];
+    const keys = [...source.matchAll(/\bt\("((?:[^"\\]|\\.)*)"/g), ...source.matchAll(/(?:ask|what|how|follows|force|stop): "((?:[^"\\]|\\.)*)"/g)];
     for (const [, key] of keys) {
       assert.ok(german[key], `${name}: ${key}`);
       const values = (text) => [...text.matchAll(/\{\w+\}/g)].map(String).sort().join();

@@ -242,6 +242,11 @@ export class View {
     return this.stage?.layout?.tools.map(({ name }, i) => ({ name, newton: peaks[i] ?? this.felt[i] ?? null })) ?? [];
   }
 
+  // Returns where a tool's junction point is in the newest picture, in mm; null before the first.
+  placeOf(i) {
+    return this.last ? [...this.last.poses.subarray(7 * i, 7 * i + 3)] : null;
+  }
+
   showForcesOf(frame) {
     const limit = this.attempt?.limit;
     this.rows?.forEach((row, i) => {
