@@ -28,6 +28,9 @@ test("what the rig says keeps its numbers in another language", () => {
   assert.equal(said("Push on: 6 mm to go."), "Weiter: noch 6 mm.");
   assert.equal(said("10.2 mm deep after 23.8 s"), "10.2 mm tief nach 23.8 s");
   assert.equal(said("nobody has translated this 3"), "nobody has translated this 3");
+  assert.equal(said("gateway: left: arm 1 has lost its calibration; right: the gripper is being opened anew"), "Gateway: links: Arm 1 hat seine Kalibrierung verloren; rechts: der Greifer wird neu geöffnet");
+  assert.equal(said("give each instrument the name of its own arm: `settings: {name: ...}`"), "geben Sie jedem Instrument den Namen seines eigenen Arms: `settings: {name: ...}`");
+  assert.equal(said("1 lines (2) were *not* read"), "1 lines (2) were *not* read");
   assert.equal(t("{n} tasks", { n: 4 }), "4 Aufgaben");
   setLanguage("en");
   assert.equal(said("Push on: 6 mm to go."), "Push on: 6 mm to go.");
@@ -54,4 +57,17 @@ test("a second of an attempt is found by the rig's ticks, and what came before i
   assert.equal(track.at(0.5).tick, 1500);
   assert.equal(track.at(99).tick, 2000);
   assert.equal(track.at(-5).tick, 900);
+});
+
+// What a file shows that is no text of its own, and must be translated where it is shown.
+const SHOWN = /(?:textContent|placeholder|title): (`[^`]*`|[^,})]+)|setAttribute\("(?:aria-label|title)", ([^;]+)\);|\btext\([\w.]+, (`[^`]*`|[^;]+)\);/g;
+
+test("everything shown on the settings' devices passes through a translation", () => {
+  for (const name of ["devices.js", "felt.js"]) {
+    const source = readFileSync(new URL(`../src/settings/${name}`, import.meta.url), "utf8");
+    for (const [whole, ...parts] of source.matchAll(SHOWN)) {
+      const value = parts.find(Boolean);
+      assert.ok(/\b(?:t|said|toldOf)\(/.test(value) || /^(?:words|steps\[done\]\.ask)$/.test(value.trim()), `${name}: ${whole}`);
+    }
+  }
 });

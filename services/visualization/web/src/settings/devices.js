@@ -1,7 +1,7 @@
 // Devices: what the host says of them, and a felt test of each arm, whose result goes into the journal of acts.
 
 import { element, text } from "../dashboard/rows.js";
-import { t } from "../school/i18n.js";
+import { said, t } from "../school/i18n.js";
 import { Walk } from "./felt.js";
 
 const MARKS = { ok: "✓", warn: "!", fail: "✗" };
@@ -88,7 +88,7 @@ export class Devices {
     try {
       this.last = await this.school.post("settings/felt", { name: walk.name, value: walk.result.passed, key: walk.result.step });
     } catch (error) {
-      this.asked.replaceChildren(element("p", { role: "alert", textContent: error.message }));
+      this.asked.replaceChildren(element("p", { role: "alert", textContent: said(error.message) }));
     }
     this.drawArms();
   }
@@ -118,7 +118,7 @@ export class Devices {
     const ours = events.filter(({ text: words }) => /gateway|arm|device|calibrat/i.test(words)).slice(-SHOWN_EVENTS).map(({ text: words }) => words);
     if (ours.join() === this.told) return;
     this.told = ours.join();
-    this.events.replaceChildren(...(ours.length ? ours : [t("Nothing.")]).map((words) => element("li", { textContent: words })));
+    this.events.replaceChildren(...(ours.length ? ours.map(said) : [t("Nothing.")]).map((words) => element("li", { textContent: words })));
   }
 
   async check(button) {
@@ -128,7 +128,7 @@ export class Devices {
       const checks = await this.school.ask("settings/devices");
       this.found.replaceChildren(element("ul", { className: "checks" }, ...checks.map(checkOf)));
     } catch (error) {
-      this.found.replaceChildren(element("p", { className: "small", role: "alert", textContent: error.message }));
+      this.found.replaceChildren(element("p", { className: "small", role: "alert", textContent: said(error.message) }));
     }
     button.disabled = false;
   }
@@ -144,7 +144,7 @@ function toldOf(last) {
 }
 
 function checkOf({ name, verdict, found, advice }) {
-  const row = element("li", {}, element("b", { textContent: `${MARKS[verdict] ?? "·"} ${name}` }), element("span", { textContent: found }), advice ? element("span", { className: "small", textContent: advice }) : "");
+  const row = element("li", {}, element("b", { textContent: `${MARKS[verdict] ?? "·"} ${said(name)}` }), element("span", { textContent: said(found) }), advice ? element("span", { className: "small", textContent: said(advice) }) : "");
   row.dataset.verdict = verdict;
   return row;
 }
