@@ -10,9 +10,10 @@ import { Track } from "../src/school/track.js";
 
 const folders = ["school", "settings"].map((name) => new URL(`../src/${name}/`, import.meta.url));
 const german = Object.assign({}, ...folders.map((folder) => JSON.parse(readFileSync(new URL("words.de.json", folder), "utf8"))));
-const sources = folders.flatMap((folder) => readdirSync(folder).filter((each) => each.endsWith(".js")).map((name) => [name, readFileSync(new URL(name, folder), "utf8")]));
+const shown = ["school", "settings", "view", "attempt", "hands", "dashboard"].map((name) => new URL(`../src/${name}/`, import.meta.url));
+const sources = shown.flatMap((folder) => readdirSync(folder).filter((each) => each.endsWith(".js")).map((name) => [name, readFileSync(new URL(name, folder), "utf8")]));
 
-test("every sentence of the school and the settings has a German one, with the same values", () => {
+test("every sentence of the page that asks for it has a German one, with the same values", () => {
   for (const [name, source] of sources) {
     const keys = [...source.matchAll(/\bt\("((?:[^"\\]|\\.)*)"/g), ...source.matchAll(/(?:ask|what|how|follows|force|stop): "((?:[^"\\]|\\.)*)"/g)];
     for (const [, key] of keys) {
@@ -21,6 +22,16 @@ test("every sentence of the school and the settings has a German one, with the s
       assert.equal(values(german[key]), values(key), key);
     }
   }
+});
+
+// Figures, names, and what is the same in both languages.
+const SAME = /^[^a-z]*(?:ms|mm|s|N|Hz|Trocar|p\d+(?:\.\d)?|max)?[^a-z]*$|^(?:English|Deutsch|trocar|Tab|Escape)$/;
+
+test("the document has no text, title or label without a German one", () => {
+  const body = readFileSync(new URL("../src/index.html", import.meta.url), "utf8").replace(/^[^]*<body/, "<body").replace(/<script[^]*?<\/script>/g, "");
+  const texts = [...body.matchAll(/>([^<>]+)</g), ...body.matchAll(/(?:title|aria-label|placeholder)="([^"]+)"/g)].map(([, words]) => words.trim());
+  assert.ok(texts.length > 100);
+  assert.deepEqual(texts.filter((words) => words && !german[words] && !SAME.test(words)), []);
 });
 
 test("what the rig says keeps its numbers in another language", () => {

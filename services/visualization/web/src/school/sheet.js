@@ -10,6 +10,8 @@ import { chart, Track } from "./track.js";
 const $ = (id) => document.getElementById(id);
 const LEAD_S = 2;
 
+const HEADS = ["", "", "when", "task", "outcome", "time", "score", "errors", "", ""]; // of the list of attempts
+
 export class Sheet {
   // school: who knows; view(): as it is now; onNext(): what "next task" does; onAgain(): the same task again
   // onMoment(line): goes on from a moment of a recording
@@ -135,7 +137,7 @@ export class Sheet {
       compare.disabled = chosen.size !== 2;
       example.disabled = chosen.size !== 1;
     };
-    const table = element("table", { className: "attempts" }, element("thead", {}, element("tr", {}, ...["", "", "when", "task", "outcome", "time", "score", "errors", "", ""].map((each) => element("th", { textContent: t(each) })))),
+    const table = element("table", { className: "attempts" }, element("thead", {}, element("tr", {}, ...HEADS.map((each) => element("th", { textContent: t(each) })))),
       element("tbody", {}, ...rows.map((row) => this.row(row, choose))));
     const none = rows.length ? "" : element("p", { textContent: t("None yet.") });
     $("sheet-body").replaceChildren(element("div", { className: "wide" }, element("div", { className: "controls" }, compare, example), element("div", { className: "scroll" }, table), none));
@@ -150,7 +152,11 @@ export class Sheet {
     const seen = element("img", { className: "seen", alt: t("the last picture of the attempt") });
     this.fill(seen, row.attempt_id);
     const cells = [tick, seen, new Date(row.began_ns / 1e6).toLocaleString(), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
-    return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
+    return element("tr", {}, ...cells.map((cell, i) => {
+      const field = element("td", {}, cell);
+      if (HEADS[i]) field.dataset.head = t(HEADS[i]); // shown where a narrow screen has no head above
+      return field;
+    }));
   }
 
   async fill(image, attemptId) {

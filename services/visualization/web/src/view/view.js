@@ -1,6 +1,7 @@
 // The view: stream, stage, and the figures drawn over them.
 
 import { jawsAt } from "../hands/motion.js";
+import { t } from "../school/i18n.js";
 import { force } from "../dashboard/format.js";
 import { colourOfForce } from "./colours.js";
 import { Governor, ladder } from "./governor.js";
@@ -37,7 +38,7 @@ export class View {
     try {
       this.stage = new Stage(drawnOn, this.governor.step);
     } catch (error) {
-      this.say(`This browser cannot draw in 3-D (${error.message}). The dashboard works all the same.`);
+      this.say(t("This browser cannot draw in 3-D ({why}). The dashboard works all the same.", { why: error.message }));
       return;
     }
     this.stage.room = () => roomBeside($("view").getBoundingClientRect(), over().map((each) => each.getBoundingClientRect()));
@@ -45,7 +46,7 @@ export class View {
     for (const each of document.querySelectorAll(".hud.top, #hands, #replay")) new ResizeObserver(() => this.makeRoom()).observe(each);
     this.resize();
     this.bindButtons();
-    this.say("Waiting for the view…");
+    this.say(t("Waiting for the view…"));
     this.showStep();
     document.addEventListener("visibilitychange", () => this.beginAnew());
     this.stage.controls.addEventListener("change", () => this.request());
@@ -261,7 +262,7 @@ export class View {
       row.bar.style.transform = `scaleX(${Math.min(1, Math.sqrt(newton / FORCE_FULL_N))})`;
       row.bar.style.background = colourOfForce(newton);
       row.value.textContent = force(newton);
-      row.jaw.textContent = this.stage.layout.tools[i].jawLength ? `jaws ${Math.round((frame.jaws[i] * 180) / Math.PI)}°` : "";
+      row.jaw.textContent = this.stage.layout.tools[i].jawLength ? t("jaws {angle}°", { angle: Math.round((frame.jaws[i] * 180) / Math.PI) }) : "";
     });
   }
 

@@ -5,7 +5,7 @@ import { SideBySide } from "./side_by_side.js";
 
 export function addStereo(view, hands) {
   if (!view.stage) return null;
-  const row = document.querySelector('[role="toolbar"][aria-label="Camera"]');
+  const row = document.getElementById("camera-tools");
   const sides = new SideBySide(view);
   const beside = newButton(row, "Side by side", "A picture for each eye, for a projector or screen with glasses");
   beside.onclick = () => {
