@@ -10,6 +10,9 @@ export const LANGUAGES = { en: "English", de: "Deutsch" };
 
 export let language = chosen();
 
+// How dates are written: as the reader's country does, where it speaks the language chosen.
+export const locale = () => globalThis.navigator?.languages?.find((each) => each.startsWith(language)) ?? language;
+
 function chosen() {
   let kept = null;
   try {

@@ -2,7 +2,7 @@
 
 import { element, text } from "../dashboard/rows.js";
 import { clock } from "../attempt/words.js";
-import { said, t } from "./i18n.js";
+import { locale, said, t } from "./i18n.js";
 import { cost, what } from "./sentences.js";
 import { Player } from "./player.js";
 import { chart, Track } from "./track.js";
@@ -151,7 +151,7 @@ export class Sheet {
     const open = element("button", { className: "action", textContent: t("Open"), onclick: () => this.report(row.id) });
     const seen = element("img", { className: "seen", alt: t("the last picture of the attempt") });
     this.fill(seen, row.attempt_id);
-    const cells = [tick, seen, new Date(row.began_ns / 1e6).toLocaleString(), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
+    const cells = [tick, seen, new Date(row.began_ns / 1e6).toLocaleString(locale()), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
     return element("tr", {}, ...cells.map((cell, i) => {
       const field = element("td", {}, cell);
       if (HEADS[i]) field.dataset.head = t(HEADS[i]); // shown where a narrow screen has no head above

@@ -1,7 +1,7 @@
 // Devices: what the host says of them, and a felt test of each arm, whose result goes into the journal of acts.
 
 import { element, text } from "../dashboard/rows.js";
-import { said, t } from "../school/i18n.js";
+import { locale, said, t } from "../school/i18n.js";
 import { Walk } from "./felt.js";
 
 const MARKS = { ok: "✓", warn: "!", fail: "✗" };
@@ -139,7 +139,7 @@ const STEPS = { follows: "the picture did not follow", force: "the force was not
 // What the journal says of an arm's newest test.
 function toldOf(last) {
   if (!last) return t("Not tested yet.");
-  const at = new Date(last.at_ns / 1e6).toLocaleString();
+  const at = new Date(last.at_ns / 1e6).toLocaleString(locale());
   return last.passed ? t("Passed on {at}.", { at }) : t("Failed on {at}: {why}.", { at, why: t(STEPS[last.step]) });
 }
 

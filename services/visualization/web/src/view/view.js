@@ -85,7 +85,7 @@ export class View {
       row, bar: row.querySelector("i"), limit: row.querySelector("u"), value: row.querySelector("output"),
       jaw: row.querySelector("small"), held: row.querySelector("em"),
     }));
-    $("tags").replaceChildren(...layout.tools.map((tool) => Object.assign(document.createElement("span"), { textContent: tool.name })));
+    $("tags").replaceChildren(...layout.tools.map((tool) => Object.assign(document.createElement("span"), { textContent: t(tool.name) })));
   }
 
   setRig(rig) {
@@ -322,9 +322,9 @@ export class View {
 
 function toolRow(name) {
   const row = document.createElement("li");
-  const label = Object.assign(document.createElement("span"), { textContent: name });
+  const label = Object.assign(document.createElement("span"), { textContent: t(name) });
   const track = document.createElement("b");
-  track.append(document.createElement("i"), Object.assign(document.createElement("u"), { title: "limit", hidden: true }));
+  track.append(document.createElement("i"), Object.assign(document.createElement("u"), { title: t("limit"), hidden: true }));
   row.append(label, track, document.createElement("output"), document.createElement("small"), document.createElement("em"));
   return row;
 }
