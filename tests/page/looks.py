@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NamedTuple
 
 from tests.by_day import by_day
@@ -41,6 +44,12 @@ def cut_words(browser: Chromium) -> list[str]:
     """Return what of the page has words that do not fit."""
     found: list[str] = browser.evaluate(_CUT)
     return found
+
+
+def keep_picture(browser: Chromium, what: str) -> None:
+    """Keep a screenshot in the folder that TROCAR_LOOKS names, for who wants to see what was measured."""
+    if folder := os.environ.get("TROCAR_LOOKS"):
+        browser.screenshot(Path(folder) / f"{re.sub(r'[^a-zA-Z0-9-]+', '_', what)}.png")
 
 
 def set_language(browser: Chromium, language: str) -> None:

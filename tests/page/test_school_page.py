@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests import chromium
-from tests.page.looks import LOOKS, Look, cut_words, looked_at, set_language
+from tests.page.looks import LOOKS, Look, cut_words, keep_picture, looked_at, set_language
 from tests.page.school_page import TOKEN, SchoolPage, assessed, replay, school_page
 from tests.patience import PATIENCE_S
 from tests.training.test_errors import CASES, judged, until_s
@@ -23,8 +21,6 @@ pytestmark = [
     pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
     pytest.mark.skipif(not (DIST / "index.html").is_file(), reason="the page is not built"),
 ]
-#: Where the screenshots of all looks go, for who wants to see them.
-LOOKS_FOLDER = os.environ.get("TROCAR_LOOKS", "")
 AXE = DIST.parent / "node_modules" / "axe-core" / "axe.min.js"
 CRUSHED = ErrorEvent(
     code="E8", evidence="squeeze of the catheter", severity="consequential", phase="P4", begin_s=9.0, end_s=10.0,
@@ -269,8 +265,7 @@ def _look(page: SchoolPage, what: str) -> None:
     assert page.browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, what
     assert cut_words(page.browser) == [], what
     assert serious(page) == [], what
-    if LOOKS_FOLDER:
-        page.browser.screenshot(Path(LOOKS_FOLDER) / f"{re.sub(r'[^a-zA-Z0-9-]+', '_', what)}.png")
+    keep_picture(page.browser, what)
 
 
 def serious(page: SchoolPage) -> list[str]:

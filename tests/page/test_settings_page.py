@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests import chromium
-from tests.page.looks import LOOKS, Look, cut_words, looked_at, set_language
+from tests.page.looks import LOOKS, Look, cut_words, keep_picture, looked_at, set_language
 from tests.page.school_page import SchoolPage, school_page
 from tests.page.test_school_page import arrive, serious
 from trocar.services.supervisor.page.page_place import DIST
@@ -196,5 +196,6 @@ def test_nothing_is_cut_and_axe_finds_nothing(page: SchoolPage, look: Look) -> N
                 assert cut_words(browser) == [], tab
                 assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, tab
                 assert serious(page) == [], tab
+                keep_picture(browser, f"settings-{tab}-{look}")
     finally:
         set_language(browser, "en")
