@@ -12,6 +12,7 @@ import pytest
 
 from tests import chromium
 from tests.chromium import Chromium
+from tests.page.looks import cut_words
 from tests.patience import PATIENCE_S
 from trocar.services.supervisor.page.page_place import DIST
 
@@ -69,6 +70,20 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
             browser.evaluate(f"{_ATTEMPT};layout.tell()")
             yield browser
         server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def german(browser: Chromium) -> Iterator[Chromium]:
+    """Return the browser with the page in German; the last to use the page, as it is loaded anew."""
+    address = browser.evaluate("location.origin")
+    browser.evaluate("localStorage.setItem('trocar-language', 'de')")
+    browser.open("about:blank")
+    browser.open(f"{address}/")
+    browser.until(lambda: browser.evaluate("Boolean(globalThis.trocar?.hands)"), 60, "the page is loaded anew")
+    browser.evaluate(_FULL)
+    browser.evaluate(f"{_ATTEMPT};layout.tell()")
+    yield browser
+    browser.evaluate("localStorage.removeItem('trocar-language')")
 
 
 @pytest.mark.parametrize("taken", [False, True], ids=["free", "taken"])
@@ -201,3 +216,18 @@ def test_the_plot_of_forces_makes_room_for_what_comes(browser: Chromium) -> None
         browser.evaluate(f"{show}({1000 + t}, {newton})")
     lowest = "trocar.dashboard.forces.plot.scales.y.min"
     browser.until(lambda: 0.0 < (browser.evaluate(lowest) or 0.0) <= 0.02, PATIENCE_S, "it reaches down to the forces")
+
+
+@pytest.mark.parametrize("face", ["trainee", "instructor", "engineer"])
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (1280, 800)])
+def test_german_words_find_their_place_too(german: Chromium, width: int, height: int, face: str) -> None:
+    german.set_size(width, height)
+    german.until(lambda: german.evaluate("innerWidth") == width, 170, "the size was taken")
+    for taken in (False, True):
+        german.evaluate(f"trocar.hands.show({str(taken).lower()}); location.hash = 'token=t&face={face}'")
+        german.until(lambda: german.evaluate("document.body.dataset.face") == face, 170, "the hash was heard")
+        assert german.evaluate("document.documentElement.lang") == "de"
+        assert german.evaluate(_COVERED) == []
+        assert german.evaluate(_TOO_WIDE) <= 0
+        assert german.evaluate("layout.overlaps()") == 0
+        assert cut_words(german) == []

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from tests import chromium
-from tests.by_day import by_day
+from tests.page.looks import LOOKS, Look, cut_words, keep_picture, looked_at, set_language
 from tests.page.school_page import TOKEN, SchoolPage, assessed, replay, school_page
 from tests.patience import PATIENCE_S
+from tests.training.test_errors import CASES, judged, until_s
 from trocar.review.export.png import grey_png
 from trocar.services.supervisor.page.page_place import DIST
 from trocar.services.training.errors import ERRORS, ErrorEvent
@@ -30,11 +31,6 @@ CRUSHED = ErrorEvent(
     worst=3.4, limit=3.0, unit="N",
 )  # fmt: skip
 ID = "20261130T0-a"
-#: What is cut hangs on the size, and what cannot be read on the scheme.
-LOOKS = by_day(
-    [("light", 390, 844), ("light", 1280, 800), ("light", 1920, 1080), ("dark", 1280, 800)],
-    [("dark", 390, 844), ("dark", 1920, 1080)],
-)
 _COVERED = """
 [...document.querySelectorAll('header button, #sheet button, dialog[open] button')].filter((button) => {
   const { x, y, width, height } = button.getBoundingClientRect();
@@ -46,9 +42,11 @@ _COVERED = """
 }).map(({ id, textContent }) => id || textContent)
 """
 
+#: Nobody is asked anything, and the page speaks the language that is chosen.
 _IS_IN = """
 Boolean(globalThis.trocar?.school?.state?.trainee) && document.body.dataset.face === 'trainee'
-  && document.documentElement.lang === 'en' && document.getElementById('sheet').hidden
+  && document.documentElement.lang === (localStorage.getItem('trocar-language') ?? 'en')
+  && document.getElementById('sheet').hidden
   && document.querySelector('dialog[open]') === null
 """
 
@@ -124,6 +122,27 @@ def test_each_mistake_is_told_at_the_page_within_half_a_second_and_once(page: Sc
         page.tell(attempt_id=attempt_id, state="running", errors={code: 1}, time_s=4.0)
         time.sleep(0.25)
     assert page.browser.evaluate(f"document.querySelectorAll('[data-code={code}]').length") <= 1, "told once"
+
+
+@pytest.mark.parametrize(("code", "name"), CASES)
+def test_a_near_miss_is_not_told_and_what_is_just_beyond_the_limit_is(page: SchoolPage, code: str, name: str) -> None:
+    """What the judge makes of hands just within a limit, and just beyond it, is told to the page."""
+    beyond, within = CASES[code, name]
+    be_in(page)
+    attempt_id = f"20261130T0-near-{code}-{list(CASES).index((code, name))}"
+    coach, boxes = "trocar.school.coach", "[...document.querySelectorAll('.mistake-box')].map((e) => e.dataset.code)"
+    clear = "document.getElementById('mistakes').replaceChildren()"
+    page.browser.evaluate(f"{clear}; {coach}.told.clear()")
+    page.tell(attempt_id=attempt_id, state="running", errors={}, time_s=1.0)
+    page.until(f"{coach}.seen.id === '{attempt_id}'", "the attempt runs")
+    judge, _ = judged(within, until_s(within))
+    page.tell(attempt_id=attempt_id, state="running", errors=judge.errors, time_s=2.0)
+    page.until("trocar.attempt.attempt?.time_s === 2", "the near miss has come")
+    assert page.browser.evaluate(boxes) == []
+    judge, _ = judged(beyond, until_s(beyond))
+    page.tell(attempt_id=attempt_id, state="running", errors=judge.errors, time_s=3.0)
+    page.until(f"{boxes}.length > 0", "the mistake is told")
+    assert page.browser.evaluate(boxes) == [code]
 
 
 def test_what_is_no_error_is_not_told_and_an_examination_tells_nothing(page: SchoolPage) -> None:
@@ -218,32 +237,56 @@ def test_a_report_shows_the_cholangiogram_once_it_is_drawn(page: SchoolPage, mon
     page.press("#sheet-close")
 
 
-@pytest.mark.parametrize(("scheme", "width", "height"), LOOKS)
-def test_nothing_is_covered_or_cut_at_any_size(page: SchoolPage, scheme: str, width: int, height: int) -> None:
+@pytest.mark.parametrize("look", LOOKS, ids=str)
+def test_nothing_is_covered_or_cut_at_any_size(page: SchoolPage, look: Look) -> None:
     browser = page.browser
-    browser.set_size(width, height)
-    browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    set_language(browser, look.language)
     try:
-        be_in(page)
-        for open_face in ("trocar.school.welcome()", "document.getElementById('keys').showModal()"):
-            browser.evaluate(f"document.querySelectorAll('dialog').forEach((each) => each.close()); {open_face}")
-            time.sleep(0.5)
-            _look(page, f"{open_face}-{width}-{scheme}")
-        browser.evaluate("document.querySelectorAll('dialog').forEach((each) => each.close())")
-        number = page.bench.state()["last"]
-        browser.evaluate(f"trocar.school.sheet.report({number}, trocar.school.state.next)")
-        page.until("document.querySelectorAll('.track').length >= 3", "the report")
-        _look(page, f"report-{width}-{scheme}")
-        browser.evaluate("trocar.school.sheet.close()")
+        with looked_at(browser, look):
+            be_in(page)
+            for open_face in ("trocar.school.welcome()", "document.getElementById('keys').showModal()"):
+                browser.evaluate(f"document.querySelectorAll('dialog').forEach((each) => each.close()); {open_face}")
+                time.sleep(0.5)
+                _look(page, f"{open_face}-{look}")
+            browser.evaluate("document.querySelectorAll('dialog').forEach((each) => each.close())")
+            _look(page, f"picture-{look}")
+            number = page.bench.state()["last"]
+            browser.evaluate(f"trocar.school.sheet.report({number}, trocar.school.state.next)")
+            page.until("document.querySelectorAll('.track').length >= 3", "the report")
+            _look(page, f"report-{look}")
+            browser.evaluate("trocar.school.sheet.close()")
+            _look_at_own_attempts(page, look)
     finally:
-        browser.set_size(1280, 800)
-        browser.command("Emulation.setEmulatedMedia", features=[])
+        set_language(browser, "en")
+
+
+def _look_at_own_attempts(page: SchoolPage, look: Look) -> None:
+    """Look at the list of one's attempts, and at two of them side by side."""
+    page.bench.trainee = page.browser.text("#who")
+    for name in ("20261130T3-a", "20261130T3-b"):
+        page.bench.replays.keep(name, replay())
+        page.bench.take_assessment(assessed(name, CRUSHED), None)
+    page.browser.evaluate(f"trocar.school.sheet.library('{page.bench.trainee}')")
+    page.until("document.querySelectorAll('table.attempts tbody tr').length >= 2", "the list")
+    _look(page, f"attempts-{look}")
+    for k in (1, 2):
+        page.browser.evaluate(f"document.querySelector('table.attempts tbody tr:nth-child({k}) input').click()")
+    page.browser.evaluate("document.querySelector('#sheet-body .controls button').click()")
+    page.until("trocar.player?.screens?.length === 2", "two replays")
+    _look(page, f"side-by-side-{look}")
+    screens = "[...document.querySelectorAll('.screens > *')].map((e) => e.getBoundingClientRect().toJSON())"
+    one, other = page.browser.evaluate(screens)[:2]
+    assert one["right"] <= other["left"] + 1 or one["bottom"] <= other["top"] + 1, "one lies over the other"
+    assert min(one["width"], other["width"]) > 100, "each is large enough to see something"
+    page.browser.evaluate("trocar.school.sheet.close()")
 
 
 def _look(page: SchoolPage, what: str) -> None:
     assert page.browser.evaluate(_COVERED) == [], what
     assert page.browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, what
+    assert cut_words(page.browser) == [], what
     assert serious(page) == [], what
+    keep_picture(page.browser, what)
 
 
 def serious(page: SchoolPage) -> list[str]:

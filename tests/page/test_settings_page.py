@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from tests import chromium
+from tests.page.looks import LOOKS, Look, cut_words, keep_picture, looked_at, set_language
 from tests.page.school_page import SchoolPage, school_page
-from tests.page.test_school_page import LOOKS, arrive, serious
+from tests.page.test_school_page import arrive, serious
 from trocar.services.supervisor.page.page_place import DIST
 
 pytestmark = [
@@ -130,10 +131,41 @@ def test_devices_disk_and_logs_are_shown(page: SchoolPage) -> None:
     page.press("#settings-logs")
     page.until("document.querySelector('pre.log')?.textContent === 'physics: it began\\n'", "the log")
     page.press("#settings-devices")
-    page.until("document.querySelectorAll('.steps li').length === 7", "the steps of the felt test")
     page.press("#devices-check")
     page.until("document.querySelectorAll('.checks li').length > 3", "what the host says")
-    page.until("document.querySelector('.steps li[data-state=now]') !== null", "the test goes on")
+
+
+def see(page: SchoolPage, done: int, newton: float = 0.0, *, place: int = 0, stopped: bool = False) -> None:
+    """Show the left arm's felt test what is there, until so many steps are done."""
+    now = (
+        f"trocar.settings.devices.view = () => ({{felt: [{newton}, 0], placeOf: () => [{place}, {place}, {place}]}});"
+        "trocar.settings.devices.update({processes: [{name: 'gateway', gauges: {'arm_calibrated.left': 1}}],"
+        f"state: 'running', safe_stop: {str(stopped).lower()}}})"
+    )
+    page.browser.evaluate(now)
+    page.until(f"document.querySelectorAll('.steps li[data-state=done]').length === {done}", f"{done} steps are done")
+
+
+def test_an_arms_felt_test_is_answered_by_a_person_and_kept_in_the_journal(page: SchoolPage) -> None:
+    open_settings(page, "devices")
+    page.press("[data-arm=left]")
+    page.until("document.querySelectorAll('.steps li').length === 6", "the steps of the felt test")
+    see(page, 1)
+    see(page, 1)
+    see(page, 1, place=25)
+    page.press("#felt-yes")
+    see(page, 3)
+    see(page, 3, 0.3)
+    page.press("#felt-yes")
+    see(page, 5)
+    see(page, 5, 0.3)
+    see(page, 5, 0.3, stopped=True)
+    page.press("#felt-no")
+    page.until("document.querySelector('.felt-arms li').dataset.result === 'failed'", "the result is told")
+    assert "the hand did not go limp" in page.browser.text(".felt-arms li")
+    act = page.bench.journal.last()[0]
+    assert (act["act"], act["arm"], act["passed"], act["step"]) == ("felt test", "left", False, "stop")
+    assert page.browser.evaluate("document.querySelectorAll('.felt-arms li')[1].dataset.result") == "none"
 
 
 def test_a_trainee_sees_no_settings(page: SchoolPage) -> None:
@@ -141,22 +173,29 @@ def test_a_trainee_sees_no_settings(page: SchoolPage) -> None:
     assert not page.sees("#settings-open")
 
 
-@pytest.mark.parametrize(("scheme", "width", "height"), LOOKS)
-def test_nothing_is_cut_and_axe_finds_nothing(page: SchoolPage, scheme: str, width: int, height: int) -> None:
+@pytest.mark.parametrize("look", LOOKS, ids=str)
+def test_nothing_is_cut_and_axe_finds_nothing(page: SchoolPage, look: Look) -> None:
     browser = page.browser
-    browser.set_size(width, height)
-    browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    if not browser.evaluate("Boolean(globalThis.trocar)"):
+        open_settings(page)
+    if look.language != browser.evaluate("document.documentElement.lang"):
+        set_language(browser, look.language)
+        open_settings(page)
     try:
-        if not page.sees("#settings-files"):
-            open_settings(page)
-        page.press("#settings-files")
-        page.until(f"{_SAID} === 'As it is kept.'", "the rig's file is sound")
-        for tab in ("files", "devices", "disk", "logs"):
-            page.press(f"#settings-{tab}")
-            time.sleep(1.0)
-            assert browser.evaluate(_CUT) == [], tab
-            assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, tab
-            assert serious(page) == [], tab
+        with looked_at(browser, look):
+            if not page.sees("#settings-files"):
+                open_settings(page)
+            page.press("#settings-files")
+            page.until("document.querySelectorAll('.keys-table tbody tr').length > 0", "the rig's file is shown")
+            for tab in ("files", "devices", "disk", "logs"):
+                page.press(f"#settings-{tab}")
+                time.sleep(1.0)
+                if tab == "devices":
+                    page.press("[data-arm=left]")
+                assert browser.evaluate(_CUT) == [], tab
+                assert cut_words(browser) == [], tab
+                assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, tab
+                assert serious(page) == [], tab
+                keep_picture(browser, f"settings-{tab}-{look}")
     finally:
-        browser.set_size(1280, 800)
-        browser.command("Emulation.setEmulatedMedia", features=[])
+        set_language(browser, "en")

@@ -10,6 +10,7 @@ import pytest
 
 from tests import chromium
 from tests.chromium import Chromium
+from tests.page.looks import cut_words
 from tests.page.school_page import assessed
 from tests.page.test_school_page import AXE, CRUSHED
 from tests.patience import PATIENCE_S
@@ -102,12 +103,23 @@ def test_an_attempt_is_rated_and_the_rating_kept(desk: DeskPage) -> None:
     desk.press("#one [data-close]")
 
 
-@pytest.mark.parametrize(("scheme", "width"), [(s, w) for s in ("dark", "light") for w in (390, 1280, 1920)])
-def test_nothing_overlaps_or_is_cut_at_any_size(desk: DeskPage, scheme: str, width: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("scheme", "width", "language"),
+    [*((s, w, "en") for s in ("dark", "light") for w in (390, 1280, 1920)), ("light", 390, "de"), ("dark", 1280, "de")],
+)
+def test_nothing_overlaps_or_is_cut_at_any_size(
+    desk: DeskPage, scheme: str, width: int, language: str, tmp_path: Path
+) -> None:
     browser = desk.browser
     browser.set_size(width, 900)
     browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
     desk.until(f"innerWidth === {width}", "the size was taken")
+    if browser.evaluate("document.documentElement.lang") != language:
+        choose = f"node.value = '{language}'; node.dispatchEvent(new Event('change'))"
+        browser.evaluate(f"(() => {{ const node = document.getElementById('language'); {choose} }})()")
+        desk.until(f"document.documentElement.lang === '{language}'", "the language was taken")
+        desk.until("document.querySelectorAll('#rigs article').length === 10", "ten benches")
+    assert cut_words(browser) == []
     assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
     overlaps = """(() => {
       const all = [...document.querySelectorAll('#rigs article, main > section')];

@@ -194,8 +194,8 @@ def client(folder: Path, tmp_path: Path) -> Iterator[httpx.Client]:
         yield client
 
 
-_GET = ["", "/logs", "/logs/physics.log", "/disk", "/devices", "/files/rig/mouse"]
-_POST = ["/check", "/edit", "/save", "/start"]
+_GET = ["", "/logs", "/logs/physics.log", "/disk", "/devices", "/felt", "/files/rig/mouse"]
+_POST = ["/check", "/edit", "/save", "/start", "/felt"]
 
 
 @pytest.mark.parametrize(("method", "path"), [*(("GET", path) for path in _GET), *(("POST", path) for path in _POST)])
@@ -238,3 +238,39 @@ def test_a_file_is_opened_edited_and_saved_and_the_act_is_in_the_journal(client:
 
 def test_a_start_is_checked_before_the_rig_is_ended(client: httpx.Client) -> None:
     assert _json(client.post("/settings/start", json={})) == {"ok": True}
+
+
+def test_each_arms_felt_test_is_an_act_in_the_journal_and_its_newest_is_told(client: httpx.Client) -> None:
+    assert _json(client.get("/settings/felt")) == {}
+    for name, passed, step in (
+        ("left", False, "force"),
+        ("right", True, ""),
+        ("left", True, ""),
+        ("left", False, "stop"),
+    ):
+        _json(client.post("/settings/felt", json={"name": name, "value": passed, "key": step, "by": "an engineer"}))
+    found = _json(client.get("/settings/felt"))
+    assert {name: (each["passed"], each["step"]) for name, each in found.items()} == {
+        "left": (False, "stop"),
+        "right": (True, ""),
+    }
+    acts = _json(client.get("/journal"))
+    assert [(act["act"], act["arm"], act["by"]) for act in acts[1:3]] == [
+        ("felt test", "left", "an engineer"),
+        ("felt test", "right", "an engineer"),
+    ]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"name": "third", "value": True},
+        {"name": "left", "value": "yes"},
+        {"name": "left", "value": True, "key": "force"},
+        {"name": "left", "value": False},
+        {"name": "left", "value": False, "key": "calibrated"},
+    ],
+)
+def test_a_felt_test_that_no_arm_can_have_had_is_refused(client: httpx.Client, body: dict[str, Any]) -> None:
+    assert client.post("/settings/felt", json=body).status_code == 409
+    assert _json(client.get("/journal")) == []

@@ -26,7 +26,8 @@ pytestmark = [pytest.mark.rig, pytest.mark.long, pytest.mark.timeout(900)]
 _WITH = {"X-Trocar-Token": TOKEN}
 
 
-def _address(rig: Rig) -> str:
+def address_of(rig: Rig) -> str:
+    """Return where a rig serves its page."""
     address: str = json.loads(page_file(Transport(directory=rig.directory / "bus")).read_text())["address"]
     return address
 
@@ -42,7 +43,7 @@ def test_two_rigs_a_picture_and_one_that_is_killed(tmp_path: Path) -> None:
     blind = [*patient, "processes.visualization.enabled=false"]
     file = tmp_path / "class.toml"
     with running_rig(folders[0], str(SCENE), patient) as one:
-        classroom = Classroom(write_roll(file, [_address(one)], bench_0="heron-17"))
+        classroom = Classroom(write_roll(file, [address_of(one)], bench_0="heron-17"))
         with closing(classroom), served(build_app(classroom)) as [address]:
 
             def rows() -> list[dict[str, Any]]:
@@ -60,7 +61,7 @@ def test_two_rigs_a_picture_and_one_that_is_killed(tmp_path: Path) -> None:
             until(drawn, "a picture", PATIENCE_S)
             assert images[-1].startswith(b"\x89PNG")
             with running_rig(folders[1], str(SCENE), blind) as two:
-                write_roll(file, [_address(one), _address(two)], bench_0="heron-17")
+                write_roll(file, [address_of(one), address_of(two)], bench_0="heron-17")
                 runs = ("running", "degraded")
                 until(lambda: [row["state"] in runs for row in rows()] == [True, True], "both run", PATIENCE_S)
                 until(lambda: all(row["attempt"] for row in rows()), "both are practised at", PATIENCE_S)

@@ -161,8 +161,8 @@ class Instrument:
         return own if own or self.grasp is None else self.grasp.fault or self.grasp.prompt
 
     def links(self) -> dict[str, float]:
-        """Return by device whether it answers, and its gauges, for the health report."""
-        found: dict[str, float] = {}
+        """Return whether the arm is calibrated, by device whether it answers, and its gauges, for the health report."""
+        found = {f"arm_calibrated.{self.name}": float(self.arm.calibrated and not self.arm.fault)}
         for kind, device in (("arm", self.arm), ("grasp", self.grasp)):
             if device is not None:
                 found[f"device_link_up.{self.name}.{kind}"] = float(not device.fault)

@@ -13,7 +13,8 @@ from trocar.services.mechanics.contact.admissible import closed_axes, relax, sli
 from trocar.services.mechanics.contact.problem import ContactProblem, move_by
 
 #: Of the work that is left, what a solve may take if others may follow: most often none does, and what is cut short is
-#: worth little. Where a wall lies on a wide catheter, one of 150 contacts and more takes 2 to 4 million of 6.
+#: worth little. Where a wall lies on a wide catheter, one of 150 contacts and more takes 2 to 4 million of the 8 that a
+#: tick has.
 FIRST_SHARE = 0.75
 
 

@@ -19,8 +19,8 @@ MAX_PRICINGS = 8
 MOST_KNOWN = 64
 # Work is told in block products (3 x 3) of a solve, which take 2.3 ns each where they are fastest. What else costs as
 # much was measured in drawn cases (some 700 steps each, of 20 to 170 rows and up to 1,300 candidates), beside them.
-#: Block products that a tick may take before it keeps what is sound by then. On a machine without other work a product of
-#: a solve takes 1.2 to 1.5 ns, so that is 10 ms; beside other work up to 1.7 times as much, which is within 20 ms.
+#: Block products that a tick may take before it keeps what is sound by then. On a machine without other work a product
+#: of a solve takes 1.2 to 1.5 ns, so that is 10 ms; beside other work up to 1.7 times as much, which is within 20 ms.
 MOST_PRODUCTS = 8_000_000
 #: All else of a part that has contacts, 0.35 ms: prediction, detection, effects, and what is saved.
 PART_PRODUCTS = 150_000

@@ -115,6 +115,9 @@ def test_an_instrument_measures_how_long_a_write_takes(monkeypatch: pytest.Monke
     tool.answer_pose(1)
     assert servo.arm_span.newest_s == pytest.approx(70e-6)
     assert tool.links()[f"{WRITE_SPAN}.left.arm"] == servo.arm_span.longest_s
+    for calibrated, fault in ((False, ""), (True, ""), (True, "it is unplugged")):
+        tool.arm.calibrated, tool.arm.fault = calibrated, fault
+        assert tool.links()["arm_calibrated.left"] == float(calibrated and not fault), "of this arm, not of the rig"
     tool.read(0)
     tool.answer_pose(2)
     now = servo._now

@@ -10,11 +10,12 @@ import { Track } from "../src/school/track.js";
 
 const folders = ["school", "settings"].map((name) => new URL(`../src/${name}/`, import.meta.url));
 const german = Object.assign({}, ...folders.map((folder) => JSON.parse(readFileSync(new URL("words.de.json", folder), "utf8"))));
-const sources = folders.flatMap((folder) => readdirSync(folder).filter((each) => each.endsWith(".js")).map((name) => [name, readFileSync(new URL(name, folder), "utf8")]));
+const shown = ["school", "settings", "view", "attempt", "hands", "dashboard"].map((name) => new URL(`../src/${name}/`, import.meta.url));
+const sources = shown.flatMap((folder) => readdirSync(folder).filter((each) => each.endsWith(".js")).map((name) => [name, readFileSync(new URL(name, folder), "utf8")]));
 
-test("every sentence of the school and the settings has a German one, with the same values", () => {
+test("every sentence of the page that asks for it has a German one, with the same values", () => {
   for (const [name, source] of sources) {
-    const keys = [...source.matchAll(/\bt\("((?:[^"\\]|\\.)*)"/g), ...source.matchAll(/(?:ask|what|how): "((?:[^"\\]|\\.)*)"/g)];
+    const keys = [...source.matchAll(/\bt\("((?:[^"\\]|\\.)*)"/g), ...source.matchAll(/(?:ask|what|how|follows|force|stop): "((?:[^"\\]|\\.)*)"/g)];
     for (const [, key] of keys) {
       assert.ok(german[key], `${name}: ${key}`);
       const values = (text) => [...text.matchAll(/\{\w+\}/g)].map(String).sort().join();
@@ -23,11 +24,24 @@ test("every sentence of the school and the settings has a German one, with the s
   }
 });
 
+// Figures, names, and what is the same in both languages.
+const SAME = /^[^a-z]*(?:ms|mm|s|N|Hz|Trocar|p\d+(?:\.\d)?|max)?[^a-z]*$|^(?:English|Deutsch|trocar|Tab|Escape)$/;
+
+test("the document has no text, title or label without a German one", () => {
+  const body = readFileSync(new URL("../src/index.html", import.meta.url), "utf8").replace(/^[^]*<body/, "<body").replace(/<script[^]*?<\/script>/g, "");
+  const texts = [...body.matchAll(/>([^<>]+)</g), ...body.matchAll(/(?:title|aria-label|placeholder)="([^"]+)"/g)].map(([, words]) => words.trim());
+  assert.ok(texts.length > 100);
+  assert.deepEqual(texts.filter((words) => words && !german[words] && !SAME.test(words)), []);
+});
+
 test("what the rig says keeps its numbers in another language", () => {
   setLanguage("de");
   assert.equal(said("Push on: 6 mm to go."), "Weiter: noch 6 mm.");
   assert.equal(said("10.2 mm deep after 23.8 s"), "10.2 mm tief nach 23.8 s");
   assert.equal(said("nobody has translated this 3"), "nobody has translated this 3");
+  assert.equal(said("gateway: left: arm 1 has lost its calibration; right: the gripper is being opened anew"), "Gateway: links: Arm 1 hat seine Kalibrierung verloren; rechts: der Greifer wird neu geöffnet");
+  assert.equal(said("give each instrument the name of its own arm: `settings: {name: ...}`"), "geben Sie jedem Instrument den Namen seines eigenen Arms: `settings: {name: ...}`");
+  assert.equal(said("1 lines (2) were *not* read"), "1 lines (2) were *not* read");
   assert.equal(t("{n} tasks", { n: 4 }), "4 Aufgaben");
   setLanguage("en");
   assert.equal(said("Push on: 6 mm to go."), "Push on: 6 mm to go.");
@@ -54,4 +68,17 @@ test("a second of an attempt is found by the rig's ticks, and what came before i
   assert.equal(track.at(0.5).tick, 1500);
   assert.equal(track.at(99).tick, 2000);
   assert.equal(track.at(-5).tick, 900);
+});
+
+// What a file shows that is no text of its own, and must be translated where it is shown.
+const SHOWN = /(?:textContent|placeholder|title): (`[^`]*`|[^,})]+)|setAttribute\("(?:aria-label|title)", ([^;]+)\);|\btext\([\w.]+, (`[^`]*`|[^;]+)\);/g;
+
+test("everything shown on the settings' devices passes through a translation", () => {
+  for (const name of ["devices.js", "felt.js"]) {
+    const source = readFileSync(new URL(`../src/settings/${name}`, import.meta.url), "utf8");
+    for (const [whole, ...parts] of source.matchAll(SHOWN)) {
+      const value = parts.find(Boolean);
+      assert.ok(/\b(?:t|said|toldOf)\(/.test(value) || /^(?:words|steps\[done\]\.ask)$/.test(value.trim()), `${name}: ${whole}`);
+    }
+  }
 });

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { stepsFor, Walk } from "../src/settings/devices.js";
+import { Walk } from "../src/settings/felt.js";
 import { boundsOf, bytes, shown, yamlOf } from "../src/settings/values.js";
 
 test("what is typed becomes the YAML of what was meant", () => {
@@ -25,22 +25,65 @@ test("values, bounds and sizes are read as people read them", () => {
   assert.deepEqual([0, 999, 1500, 2.5e9].map(bytes), ["0 B", "999 B", "1.5 kB", "2.5 GB"]);
 });
 
-test("each step of the felt test counts from when the one before was seen", () => {
-  const walk = new Walk(stepsFor([{ name: "left" }, { name: "right" }]));
-  const see = (state, stopped, forces) => {
-    walk.see({ state, stopped, forces });
-    return walk.done;
-  };
-  assert.equal(see("starting", false, [0.3, 0.3]), 0);
-  assert.equal(see("running", true, [0.3, 0.3]), 1);
-  assert.equal(see("running", true, [0.3, 0.3]), 1, "not armed");
-  assert.equal(see("running", false, [0.3, 0]), 2);
-  assert.equal(see("running", false, [0.3, 0]), 3, "left has pressed");
-  assert.equal(see("running", false, [0.3, 0.1]), 3);
-  assert.equal(see("running", false, [0, 0.2]), 4);
-  assert.equal(see("running", false, [0, 0.06]), 4);
-  assert.equal(see("running", false, [0, 0]), 5);
-  assert.equal(see("safe_stop", true, [0, 0]), 6);
-  assert.equal(see("running", false, [0, 0]), 7);
-  assert.equal(walk.steps.length, 7);
+const AT_REST = { calibrated: true, state: "running", stopped: false, newton: 0, place: [0, 0, 0] };
+// Shows an arm's walk what is there now, and returns how many steps are done.
+const seeing = (walk) => (now) => {
+  walk.see({ ...AT_REST, ...now });
+  return walk.done;
+};
+
+test("an arm's felt test begins at its own calibration, and its encoders must move on every axis", () => {
+  const walk = new Walk("left"), see = seeing(walk);
+  assert.equal(see({ calibrated: false }), 0, "the rig runs, and the arm is not calibrated");
+  assert.equal(see({}), 1);
+  see({});
+  see({ place: [25, 25, 0] });
+  assert.equal(walk.asks, false, "one axis has not moved");
+  see({ place: null });
+  see({ place: [0, 0, -21] });
+  assert.equal(walk.asks, true);
+  assert.equal(walk.done, 1, "not before the person has said so");
+  walk.answer(true);
+  assert.equal(walk.done, 2);
+});
+
+const ready = () => {
+  const walk = new Walk("left"), see = seeing(walk);
+  see({});
+  see({});
+  see({ place: [25, 25, 25] });
+  walk.answer(true);
+  return { walk, see };
+};
+
+test("force and limpness count only once the person has felt them", () => {
+  const { walk, see } = ready();
+  assert.equal(see({ stopped: true }), 2, "not armed");
+  assert.equal(see({}), 3);
+  see({ newton: 0.19 });
+  assert.equal(walk.asks, false);
+  see({ newton: 0.2 });
+  assert.equal(see({ newton: 0 }), 3, "drawing back answers nothing");
+  walk.answer(true);
+  assert.equal(see({ newton: 0.06 }), 4);
+  assert.equal(see({ newton: 0.04 }), 5);
+  see({ stopped: true, state: "safe_stop" });
+  assert.equal(walk.asks, false, "it has not pressed before the stop");
+  see({ newton: 0.3 });
+  see({ stopped: true, state: "safe_stop" });
+  assert.equal(walk.asks, true);
+  assert.equal(walk.result, null);
+  walk.answer(true);
+  assert.deepEqual(walk.result, { passed: true, step: "" });
+});
+
+test("a no ends the test of this arm at its step", () => {
+  const { walk, see } = ready();
+  see({});
+  see({ newton: 0.3 });
+  walk.answer(false);
+  assert.deepEqual(walk.result, { passed: false, step: "force" });
+  assert.equal(see({ newton: 0 }), 3, "it goes no further");
+  walk.answer(true);
+  assert.deepEqual(walk.result, { passed: false, step: "force" });
 });

@@ -1,6 +1,7 @@
 // The instructor's face: live phase and errors, the attempts so far, and the controls that need the token.
 
 import { element, Rows, text } from "../dashboard/rows.js";
+import { t } from "../school/i18n.js";
 import { clock, errorList, headline, mm, notCounted, PHASES, scoreWords } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
@@ -39,7 +40,7 @@ export class Instructor {
     this.switches = switches;
     const chosen = $("scenario").value || scenario;
     $("scenario").replaceChildren(...scenarios.map((name) => element("option", { value: name, textContent: name, selected: name === chosen })));
-    text($("scenario-how"), switches ? "" : "This rig was not started by trocar up; trocar up --scenario NAME begins one.");
+    text($("scenario-how"), switches ? "" : t("This rig was not started by trocar up; trocar up --scenario NAME begins one."));
     this.admitSwitch();
   }
 
@@ -56,10 +57,10 @@ export class Instructor {
     text($("instructor-not"), notCounted(attempt));
     text($("instructor-scenario"), attempt.scenario ? `${attempt.scenario}: ${attempt.title}` : attempt.title);
     for (const [i, code] of Object.keys(PHASES).entries()) this.phases[i].classList.toggle("now", code === attempt.phase);
-    text($("phase-none"), attempt.phase || attempt.state === "armed" ? "" : "Nobody judges phases in this rig.");
+    text($("phase-none"), attempt.phase || attempt.state === "armed" ? "" : t("Nobody judges phases in this rig."));
     this.errors.update(errorList(attempt.errors), ({ code }) => code);
-    text($("errors-none"), Object.keys(attempt.errors).length ? "" : "None so far.");
-    text($("pause"), attempt.pace === 1 ? "Pause" : "Go on");
+    text($("errors-none"), Object.keys(attempt.errors).length ? "" : t("None so far."));
+    text($("pause"), attempt.pace === 1 ? t("Pause") : t("Go on"));
     $("step").disabled = $("step-more").disabled = !this.orders.token || attempt.pace !== 0;
     if (document.activeElement !== $("slow") && attempt.pace > 0) $("slow").value = String(nearestPace(attempt.pace));
     this.remember(attempt);

@@ -34,7 +34,7 @@ export class AttemptPanel {
     text($("attempt-mark"), mark);
     text($("attempt-state"), more ? `${words}: ${more}` : words);
     text($("attempt-clock"), clock(attempt.time_s));
-    text($("attempt-limit"), attempt.time_limit_s ? `of ${clock(attempt.time_limit_s)}` : "");
+    text($("attempt-limit"), attempt.time_limit_s ? t("of {time}", { time: clock(attempt.time_limit_s) }) : "");
     text($("attempt-score"), scoreWords(attempt));
     text($("attempt-hint"), said(attempt.hint));
     text($("attempt-not"), notCounted(attempt));
@@ -68,8 +68,8 @@ export class AttemptPanel {
     $("depth").setAttribute("aria-valuemax", end);
     const ticks = [];
     for (let at = STEP_MM; at < end; at += STEP_MM) ticks.push({ at, kind: "tick", words: "" });
-    if (goal) ticks.push({ at: goal, kind: "goal", words: `goal ${goal.toFixed(0)}` });
-    if (most) ticks.push({ at: most, kind: "most", words: `max ${most.toFixed(0)}` });
+    if (goal) ticks.push({ at: goal, kind: "goal", words: t("goal {mm}", { mm: goal.toFixed(0) }) });
+    if (most) ticks.push({ at: most, kind: "most", words: t("max {mm}", { mm: most.toFixed(0) }) });
     $("depth-marks").replaceChildren(...ticks.map(({ at, kind, words }) => {
       const mark = Object.assign(document.createElement("span"), { className: at > 0.6 * end && words ? `${kind} far` : kind, textContent: words });
       mark.style.left = `${(100 * at) / end}%`;

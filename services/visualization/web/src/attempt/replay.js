@@ -1,6 +1,7 @@
 // Replay of a recording's pictures: its time and its controls. A report's marks lead to a moment (#replay=FILE&at=SECOND).
 
 import { text } from "../dashboard/rows.js";
+import { t } from "../school/i18n.js";
 import { clock } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
@@ -66,7 +67,7 @@ export class ReplayBar {
     const { place_s: place, length_s: length, halted, rate, loop } = replay;
     text($("replay-file"), replay.file);
     text($("replay-time"), `${clock(place)}.${Math.floor((place * 10) % 10)} of ${clock(length)}`);
-    text($("replay-halt"), halted ? "Play" : "Halt");
+    text($("replay-halt"), halted ? t("Play") : t("Halt"));
     $("replay-loop").setAttribute("aria-pressed", loop);
     $("replay-place").max = length.toFixed(2);
     for (const [control, value] of [[$("replay-place"), place.toFixed(2)], [$("replay-rate"), String(rate)]]) {

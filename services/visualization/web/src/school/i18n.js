@@ -1,13 +1,17 @@
 // The page's words in the reader's language. An English sentence is its own key, as with gettext; what is missing stays English.
 
+import ofRig from "../settings/rig.de.json" with { type: "json" };
 import ofSettings from "../settings/words.de.json" with { type: "json" };
 import ofSchool from "./words.de.json" with { type: "json" };
 
-const CATALOGUES = { de: { ...ofSettings, ...ofSchool } };
+const CATALOGUES = { de: { ...ofRig, ...ofSettings, ...ofSchool } };
 const KEY = "trocar-language";
 export const LANGUAGES = { en: "English", de: "Deutsch" };
 
 export let language = chosen();
+
+// How dates are written: as the reader's country does, where it speaks the language chosen.
+export const locale = () => globalThis.navigator?.languages?.find((each) => each.startsWith(language)) ?? language;
 
 function chosen() {
   let kept = null;
@@ -35,13 +39,30 @@ export function t(sentence, values = {}) {
   return found.replace(/\{(\w+)\}/g, (all, name) => (name in values ? String(values[name]) : all));
 }
 
-// A sentence that the rig says: its numbers are no part of the key, which has {0}, {1} and so on in their place.
+// Sentences that the rig puts values into, as patterns: those that say most come first, and "{0}: {1}" is for what none of them fits.
+const PATTERNS = Object.fromEntries(Object.entries(CATALOGUES).map(([name, catalogue]) => [name, patternsOf(catalogue)]));
+
+function patternsOf(catalogue) {
+  const keys = Object.keys(catalogue).filter((key) => key.includes("{0}")), own = (key) => key.replace(/\{\d+\}/g, "").length;
+  return keys.sort((a, b) => own(b) - own(a)).map((key) => ({ pattern: patternOf(key), words: catalogue[key] }));
+}
+
+// Several sentences may stand in one, as "left: …; right: …": only what comes last in a pattern may hold more than one.
+function patternOf(key) {
+  const parts = key.split(/\{\d+\}/).map((part) => part.replace(/[.*+?^$|(){}[\]\\]/g, "\\$&"));
+  const hole = (i) => (i === parts.length - 2 && parts.at(-1) === "" ? "([^]+)" : i === 0 && parts[0] === "" ? "((?:(?!; |: )[^])+?)" : "((?:(?!; )[^])+?)");
+  return new RegExp(`^${parts.map((part, i) => (i < parts.length - 1 ? part + hole(i) : part)).join("")}$`);
+}
+
+// A sentence that the rig says: the key has {0}, {1} and so on where it puts values in, which may be sentences themselves.
 export function said(sentence = "") {
   if (!sentence || language === "en") return sentence;
-  const numbers = [];
-  const key = sentence.replace(/\d+(?:\.\d+)?/g, (number) => `{${numbers.push(number) - 1}}`);
-  const found = CATALOGUES[language]?.[key] ?? CATALOGUES[language]?.[sentence];
-  return found ? found.replace(/\{(\d+)\}/g, (_, i) => numbers[i] ?? "") : sentence;
+  if (CATALOGUES[language][sentence]) return CATALOGUES[language][sentence];
+  for (const { pattern, words } of PATTERNS[language]) {
+    const found = pattern.exec(sentence);
+    if (found) return words.replace(/\{(\d+)\}/g, (_, i) => said(found[Number(i) + 1]));
+  }
+  return sentence;
 }
 
 // Translates what the document says, once: texts, titles and labels of elements that are not filled by the page.

@@ -2,13 +2,15 @@
 
 import { element, text } from "../dashboard/rows.js";
 import { clock } from "../attempt/words.js";
-import { said, t } from "./i18n.js";
+import { locale, said, t } from "./i18n.js";
 import { cost, what } from "./sentences.js";
 import { Player } from "./player.js";
 import { chart, Track } from "./track.js";
 
 const $ = (id) => document.getElementById(id);
 const LEAD_S = 2;
+
+const HEADS = ["", "", "when", "task", "outcome", "time", "score", "errors", "", ""]; // of the list of attempts
 
 export class Sheet {
   // school: who knows; view(): as it is now; onNext(): what "next task" does; onAgain(): the same task again
@@ -158,7 +160,7 @@ export class Sheet {
       compare.disabled = chosen.size !== 2;
       example.disabled = chosen.size !== 1;
     };
-    const table = element("table", { className: "attempts" }, element("thead", {}, element("tr", {}, ...["", "", "when", "task", "outcome", "time", "score", "errors", "", ""].map((each) => element("th", { textContent: t(each) })))),
+    const table = element("table", { className: "attempts" }, element("thead", {}, element("tr", {}, ...HEADS.map((each) => element("th", { textContent: t(each) })))),
       element("tbody", {}, ...rows.map((row) => this.row(row, choose))));
     const none = rows.length ? "" : element("p", { textContent: t("None yet.") });
     $("sheet-body").replaceChildren(element("div", { className: "wide" }, element("div", { className: "controls" }, compare, example), element("div", { className: "scroll" }, table), none));
@@ -172,8 +174,12 @@ export class Sheet {
     const open = element("button", { className: "action", textContent: t("Open"), onclick: () => this.report(row.id) });
     const seen = element("img", { className: "seen", alt: t("the last picture of the attempt") });
     this.fill(seen, row.attempt_id);
-    const cells = [tick, seen, new Date(row.began_ns / 1e6).toLocaleString(), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
-    return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
+    const cells = [tick, seen, new Date(row.began_ns / 1e6).toLocaleString(locale()), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
+    return element("tr", {}, ...cells.map((cell, i) => {
+      const field = element("td", {}, cell);
+      if (HEADS[i]) field.dataset.head = t(HEADS[i]); // shown where a narrow screen has no head above
+      return field;
+    }));
   }
 
   async fill(image, attemptId) {

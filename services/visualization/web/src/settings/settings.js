@@ -2,7 +2,7 @@
 
 import { element, text } from "../dashboard/rows.js";
 import { School } from "../school/client.js";
-import { t } from "../school/i18n.js";
+import { locale, t } from "../school/i18n.js";
 import { Devices } from "./devices.js";
 import { Files } from "./files.js";
 import { bytes, share } from "./values.js";
@@ -113,7 +113,7 @@ export class SettingsPage {
 
 function listOf(files, none) {
   if (!files.length) return element("p", { textContent: none });
-  const rows = files.map(({ name, bytes: size, at_s: at }) => element("tr", {}, ...[name, bytes(size), new Date(1000 * at).toLocaleString()].map((words) => element("td", { textContent: words }))));
+  const rows = files.map(({ name, bytes: size, at_s: at }) => element("tr", {}, ...[name, bytes(size), new Date(1000 * at).toLocaleString(locale())].map((words) => element("td", { textContent: words }))));
   const head = element("tr", {}, ...["File", "Size", "Written"].map((words) => element("th", { textContent: t(words) })));
   return element("div", { className: "scroll", tabIndex: 0 }, element("table", { className: "plain" }, element("thead", {}, head), element("tbody", {}, ...rows)));
 }

@@ -1,5 +1,6 @@
 // How finely this computer draws, so that it holds its pictures a second. Pure: no page, no clock. When a step is given up and when
 // it is taken back is quality_governor.js's; what is too slow, and whether a finer step would fit, is known here.
+import { t } from "../school/i18n.js";
 import { QualityGovernor } from "./quality_governor.js";
 
 // From the finest to the coarsest: pixels of a picture per pixel of the page, look of the bodies (wet: light for each pixel, relief;
@@ -95,11 +96,11 @@ export class Governor extends QualityGovernor {
   words(software) {
     const { ratio, look, shadows, hz } = this.step, parts = [];
     if (this.at === 0 && !software) return "";
-    if (ratio < 1) parts.push(`${Math.round(100 * ratio)} % of the resolution`);
-    if (WORDS[look]) parts.push(WORDS[look]);
-    else if (!shadows) parts.push("no shadows");
-    if (hz) parts.push(`${hz} pictures a second asked for`);
-    const why = software ? "This browser draws on the processor" : "This computer draws slowly";
+    if (ratio < 1) parts.push(t("{share} % of the resolution", { share: Math.round(100 * ratio) }));
+    if (WORDS[look]) parts.push(t(WORDS[look]));
+    else if (!shadows) parts.push(t("no shadows"));
+    if (hz) parts.push(t("{hz} pictures a second asked for", { hz }));
+    const why = software ? t("This browser draws on the processor") : t("This computer draws slowly");
     return parts.length ? `${why}: ${parts.join(", ")}.` : "";
   }
 }

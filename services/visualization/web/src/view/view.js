@@ -1,6 +1,7 @@
 // The view: stream, stage, and the figures drawn over them.
 
 import { jawsAt } from "../hands/motion.js";
+import { t } from "../school/i18n.js";
 import { force } from "../dashboard/format.js";
 import { colourOfForce } from "./colours.js";
 import { Governor, ladder } from "./governor.js";
@@ -37,7 +38,7 @@ export class View {
     try {
       this.stage = new Stage(drawnOn, this.governor.step);
     } catch (error) {
-      this.say(`This browser cannot draw in 3-D (${error.message}). The dashboard works all the same.`);
+      this.say(t("This browser cannot draw in 3-D ({why}). The dashboard works all the same.", { why: error.message }));
       return;
     }
     this.stage.room = () => roomBeside($("view").getBoundingClientRect(), over().map((each) => each.getBoundingClientRect()));
@@ -45,7 +46,7 @@ export class View {
     for (const each of document.querySelectorAll(".hud.top, #hands, #replay")) new ResizeObserver(() => this.makeRoom()).observe(each);
     this.resize();
     this.bindButtons();
-    this.say("Waiting for the view…");
+    this.say(t("Waiting for the view…"));
     this.showStep();
     document.addEventListener("visibilitychange", () => this.beginAnew());
     this.stage.controls.addEventListener("change", () => this.request());
@@ -84,7 +85,7 @@ export class View {
       row, bar: row.querySelector("i"), limit: row.querySelector("u"), value: row.querySelector("output"),
       jaw: row.querySelector("small"), held: row.querySelector("em"),
     }));
-    $("tags").replaceChildren(...layout.tools.map((tool) => Object.assign(document.createElement("span"), { textContent: tool.name })));
+    $("tags").replaceChildren(...layout.tools.map((tool) => Object.assign(document.createElement("span"), { textContent: t(tool.name) })));
   }
 
   setRig(rig) {
@@ -242,6 +243,11 @@ export class View {
     return this.stage?.layout?.tools.map(({ name }, i) => ({ name, newton: peaks[i] ?? this.felt[i] ?? null })) ?? [];
   }
 
+  // Returns where a tool's junction point is in the newest picture, in mm; null before the first.
+  placeOf(i) {
+    return this.last ? [...this.last.poses.subarray(7 * i, 7 * i + 3)] : null;
+  }
+
   showForcesOf(frame) {
     const limit = this.attempt?.limit;
     this.rows?.forEach((row, i) => {
@@ -256,7 +262,7 @@ export class View {
       row.bar.style.transform = `scaleX(${Math.min(1, Math.sqrt(newton / FORCE_FULL_N))})`;
       row.bar.style.background = colourOfForce(newton);
       row.value.textContent = force(newton);
-      row.jaw.textContent = this.stage.layout.tools[i].jawLength ? `jaws ${Math.round((frame.jaws[i] * 180) / Math.PI)}°` : "";
+      row.jaw.textContent = this.stage.layout.tools[i].jawLength ? t("jaws {angle}°", { angle: Math.round((frame.jaws[i] * 180) / Math.PI) }) : "";
     });
   }
 
@@ -316,9 +322,9 @@ export class View {
 
 function toolRow(name) {
   const row = document.createElement("li");
-  const label = Object.assign(document.createElement("span"), { textContent: name });
+  const label = Object.assign(document.createElement("span"), { textContent: t(name) });
   const track = document.createElement("b");
-  track.append(document.createElement("i"), Object.assign(document.createElement("u"), { title: "limit", hidden: true }));
+  track.append(document.createElement("i"), Object.assign(document.createElement("u"), { title: t("limit"), hidden: true }));
   row.append(label, track, document.createElement("output"), document.createElement("small"), document.createElement("em"));
   return row;
 }

@@ -1,13 +1,14 @@
 // Two ways to see depth, each a button beside those of the camera: a headset, and two pictures side by side.
 
+import { t } from "../school/i18n.js";
 import { Headset, whyNone } from "./headset.js";
 import { SideBySide } from "./side_by_side.js";
 
 export function addStereo(view, hands) {
   if (!view.stage) return null;
-  const row = document.querySelector('[role="toolbar"][aria-label="Camera"]');
+  const row = document.getElementById("camera-tools");
   const sides = new SideBySide(view);
-  const beside = newButton(row, "Side by side", "A picture for each eye, for a projector or screen with glasses");
+  const beside = newButton(row, t("Side by side"), t("A picture for each eye, for a projector or screen with glasses"));
   beside.onclick = () => {
     if (headset.session) return;
     sides.switch(!sides.on);
@@ -17,7 +18,7 @@ export function addStereo(view, hands) {
     into.setAttribute("aria-pressed", Boolean(headset.session));
     if (!headset.session && sides.on) sides.switch(true);
   });
-  const into = newButton(row, "Headset", "");
+  const into = newButton(row, t("Headset"), "");
   into.onclick = () => headset.toggle().catch((error) => (into.title = `The headset was not opened: ${error.message}`));
   const tell = async () => {
     const why = await whyNone();
