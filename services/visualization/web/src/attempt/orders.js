@@ -1,6 +1,7 @@
 // Orders of the attempt, with the session's token: begin again, pause, slow motion; the page shows their result.
 
 import { order, unanswered } from "../command.js";
+import { said } from "../school/i18n.js";
 
 export class Orders {
   // onSaid(text, ok): what the rig answers
@@ -18,15 +19,15 @@ export class Orders {
     if (!this.token) return this.say("Open the address that trocar up printed, with its #token=…, to do that.", false);
     try {
       const answer = await fetch(address, order(this.token, body));
-      const said = await answer.json();
-      return this.say(said.text ?? said.error, answer.ok);
+      const found = await answer.json();
+      return this.say(found.text ?? found.error, answer.ok);
     } catch (error) {
       return this.say(unanswered(error, "The rig is not reachable: nothing was done."), false);
     }
   }
 
   say(text, ok) {
-    this.onSaid(text, ok);
+    this.onSaid(said(text), ok);
     return { text, ok };
   }
 }

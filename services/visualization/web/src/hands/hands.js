@@ -1,6 +1,6 @@
 // A person's hands on the instruments: their inputs, their frames to the rig, and the force that the page shows.
 
-import { t } from "../school/i18n.js";
+import { said, t } from "../school/i18n.js";
 import { Grip } from "./grip.js";
 import { Gamepads, rumble } from "./gamepad.js";
 import { Keys } from "./keys.js";
@@ -102,7 +102,7 @@ export class Hands {
     this.grips = [];
     this.tone.sound(0);
     this.show(false);
-    if (reason) $("hand-hint").textContent = reason;
+    if (reason) $("hand-hint").textContent = said(reason);
   }
 
   show(on) {

@@ -1,7 +1,7 @@
 // The view: stream, stage, and the figures drawn over them.
 
 import { jawsAt } from "../hands/motion.js";
-import { t } from "../school/i18n.js";
+import { said, t } from "../school/i18n.js";
 import { force } from "../dashboard/format.js";
 import { colourOfForce } from "./colours.js";
 import { Governor, ladder } from "./governor.js";
@@ -72,7 +72,7 @@ export class View {
   }
 
   say(text) {
-    $("view-message").textContent = text;
+    $("view-message").textContent = said(text);
     $("view-message").hidden = !text;
   }
 
@@ -89,9 +89,9 @@ export class View {
   }
 
   setRig(rig) {
-    $("rig-badge").textContent = rig.safe_stop ? "SAFE STOP" : rig.state.replace("_", " ").toUpperCase();
+    $("rig-badge").textContent = t(rig.safe_stop ? "safe stop" : rig.state.replace("_", " ")).toUpperCase();
     $("rig-badge").dataset.state = rig.safe_stop ? "safe_stop" : rig.state;
-    $("rig-badge").title = rig.reason;
+    $("rig-badge").title = said(rig.reason);
   }
 
   bindButtons() {

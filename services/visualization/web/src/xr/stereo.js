@@ -19,11 +19,11 @@ export function addStereo(view, hands) {
     if (!headset.session && sides.on) sides.switch(true);
   });
   const into = newButton(row, t("Headset"), "");
-  into.onclick = () => headset.toggle().catch((error) => (into.title = `The headset was not opened: ${error.message}`));
+  into.onclick = () => headset.toggle().catch((error) => (into.title = t("The headset was not opened: {why}", { why: error.message })));
   const tell = async () => {
     const why = await whyNone();
     into.disabled = Boolean(why);
-    into.title = why || "Stand before the duct; grips hold it, triggers close the jaws";
+    into.title = t(why || "Stand before the duct; grips hold it, triggers close the jaws");
   };
   navigator.xr?.addEventListener?.("devicechange", tell);
   const told = tell();
