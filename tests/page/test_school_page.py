@@ -230,6 +230,7 @@ def test_a_report_shows_the_cholangiogram_once_it_is_drawn(page: SchoolPage, mon
     monkeypatch.setattr("trocar.review.school.bench.asks_for_cholangiogram", lambda _name: True)
     answers = [None, None, json.dumps(still).encode()]  # it is still drawn, and then it is there
     monkeypatch.setattr(page.bench, "cholangiogram", lambda _number: answers.pop(0))
+    page.bench.replays.keep("20261130T9-a", replay())
     page.bench.take_assessment(assessed("20261130T9-a"), folder / "own.mcap")
     page.browser.evaluate(f"trocar.school.sheet.report({page.bench.state()['last']})")
     page.until("document.querySelector('#cholangiogram img')?.naturalWidth === 64", "the picture")
