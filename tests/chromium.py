@@ -24,6 +24,9 @@ _libc = ctypes.CDLL(None)
 #: What the protocol says of a page that is left while it is asked, for another one or for itself anew.
 _LEFT = ("context", "navigated")
 
+#: What a page that is still being read answers: it has no root, no body, or only some of its elements.
+_BEING_READ = "the page is still being read"
+
 #: What a browser of a container needs, and what keeps it from doing anything but the page.
 _OPTIONS = (
     "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader",
@@ -136,10 +139,19 @@ class Chromium:
         self.command("Page.navigate", url=address)
 
     def evaluate(self, expression: str) -> Any:
-        """Return what a JavaScript expression, or the promise that it is, comes to. Raises PageLeftError."""
-        done = self.command("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in done, done
-        return done["result"].get("value")
+        """Return what a JavaScript expression, or the promise that it is, comes to. Raises PageLeftError.
+
+        An expression waits until its page has been read: a page that reloads itself has no root for a moment.
+        """
+        in_a_whole_page = f"document.readyState === 'loading' ? {json.dumps(_BEING_READ)} : (\n{expression}\n)"
+        value = _BEING_READ
+        end = time.monotonic() + PATIENCE_S
+        while value == _BEING_READ:
+            assert time.monotonic() < end, f"not within {PATIENCE_S} s: the page was read"
+            done = self.command("Runtime.evaluate", expression=in_a_whole_page, returnByValue=True, awaitPromise=True)
+            assert "exceptionDetails" not in done, done
+            value = done["result"].get("value")
+        return value
 
     def text(self, selector: str) -> str:
         """Return the text of an element."""
