@@ -17,6 +17,7 @@ from trocar.services.mechanics.compiled import inlined_kernel, kernel
 from trocar.services.mechanics.compiled.struct import Struct
 from trocar.services.mechanics.compiled.vectors import along, dot, put_row, row_of, squared_distance, subtract
 from trocar.services.mechanics.compiled.vectors import row as vector
+from trocar.services.mechanics.contact.admissible import tangential_limit
 from trocar.services.mechanics.contact.free_motion import sunk_at_end
 from trocar.services.mechanics.contact.identity import without_target
 from trocar.services.mechanics.contact.laws import HAS_FRICTION
@@ -139,18 +140,25 @@ def store_anchors(problem: ContactProblem, slides: BoolArray, out: FloatArray) -
     rate, so sticking contacts do not creep, and the force depends on the step no more than e does. Where the cone
     limits the force, the anchor follows: :math:`e = -c f_t`. This is elastoplastic friction (the return mapping of a
     plastic bar in Simo and Hughes, "Computational Inelasticity", 1998, ch. 1). The residual of a solve that was cut
-    short is part of e, so that the next solve removes it.
+    short is part of e, so that the next solve removes it, but only as far as the cone bears the stretch of an anchor.
+    Beyond, the surfaces have slid: an anchor that lay further away would pull them back with work that nobody did.
 
     ``slides`` (C,) tells where the force is on its cone.
     """
     rows = problem.rows
     for row in range(rows.n_contacts):
         out[row] = 0.0
-        force = rows.force_n[row]
-        if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
+        force, softness = rows.force_n[row], rows.softness_m_n[row]
+        if not HAS_FRICTION[rows.law[row]] or (force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0):
             continue
-        for axis in range(1, 3 if HAS_FRICTION[rows.law[row]] else 1):
-            slip = -rows.softness_m_n[row, axis] * force[axis]
-            if not slides[row]:
-                slip += problem.motion[3 * row + axis]
-            put_row(out, row, along(vector(out, row), row_of(rows.frame, row, axis), slip))
+        slip_1, slip_2 = -softness[1] * force[1], -softness[2] * force[2]
+        if not slides[row]:
+            slip_1 += problem.motion[3 * row + 1]
+            slip_2 += problem.motion[3 * row + 2]
+            borne_n = max(tangential_limit(rows, row), math.hypot(force[1], force[2]))
+            stretch_n = math.hypot(slip_1 / softness[1], slip_2 / softness[2])
+            if stretch_n > borne_n:
+                slip_1 *= borne_n / stretch_n
+                slip_2 *= borne_n / stretch_n
+        put_row(out, row, along(vector(out, row), row_of(rows.frame, row, 1), slip_1))
+        put_row(out, row, along(vector(out, row), row_of(rows.frame, row, 2), slip_2))

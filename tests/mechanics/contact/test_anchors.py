@@ -113,6 +113,21 @@ def test_a_row_begins_with_the_force_to_be_expected_after_steady_changes_only(le
     assert begin(dt_s).force_n[0] == pytest.approx(force_n[0] - 0.5), "it was wrong"
 
 
+@pytest.mark.parametrize("residual_m", [(0.0, 3e-7), (-2e-7, 1e-7), (3e-4, 0.0), (0.0, -2e-3)])
+def test_an_anchor_stretches_no_further_than_the_cone_bears_wherever_a_solve_ended(residual_m):
+    """A solve that was cut short leaves surfaces that stick by its forces, and have moved on by its motion."""
+    rows, memory, mu, normal_n = ContactRows.zeros(c=1), ForceMemory.zeros(c=1), 0.5, 2.0
+    append_row(rows, number_of("unilateral"), pair_identity(-1, 0, 0, 0, 0))
+    rows.frame[0], rows.friction[0], rows.force_n[0] = np.eye(3), mu, (normal_n, 0.1, -0.2)
+    problem = ContactProblem.of(rows)
+    problem.motion[1:3] = residual_m
+    store_anchors(problem, np.zeros(1, np.bool_), memory.elastic_m)
+    wanted_m = np.array(residual_m) - SURFACE_SOFTNESS_M_N * rows.force_n[0, 1:]
+    most_m = SURFACE_SOFTNESS_M_N * mu * normal_n
+    share = min(1.0, most_m / np.linalg.norm(wanted_m))
+    assert memory.elastic_m[0] == pytest.approx([0.0, *(share * wanted_m)], rel=1e-12)
+
+
 @pytest.mark.parametrize("dt_s", STEPS_S)
 def test_a_block_on_an_incline_below_the_angle_of_friction_rests_on_the_stiffness_of_the_surfaces(dt_s):
     block = Block(0.3, 0.7, dt_s)
