@@ -56,7 +56,8 @@ def enter_grips(simulation: Simulation, before: Grips) -> tuple[float, float]:
     for row in simulation.seal.rows:
         stretched_m = float(_linear_stretch_m(simulation, row)[0]) - simulation.seal.memory.start_m
         taken_j -= float(rows.force_n[row, 0]) * stretched_m + stored.seal_j - before.seal_j
-        slipped_j += _slipped_j(simulation, row)
+        slipped_m = float(_linear_stretch_m(simulation, row)[0]) - simulation.seal.memory.elastic_m
+        slipped_j -= float(rows.force_n[row, 0]) * slipped_m
     gone_j += sum(before.holds_j[hold] for hold in before.holds_j.keys() - stored.holds_j.keys())
     if not simulation.seal.rows:
         gone_j += before.seal_j - stored.seal_j
@@ -71,11 +72,17 @@ def _linear_stretch_m(simulation: Simulation, row: int) -> FloatArray:
 
 
 def _end_energy_j(simulation: Simulation, row: int) -> float:
-    """Energy of a hold's spring; where it slides, its point has come up to where the spring bears the limit."""
-    rows = simulation.system.rows
+    """Energy of a hold's spring; where it slides, its point has come up to where the spring bears the limit.
+
+    Of a motion that was taken back to a share, the spring has stretched by that share.
+    """
+    rows, share = simulation.system.rows, simulation.share
     softness = rows.softness_m_n[row]
     slides = simulation.system.slides[row]
-    stretch = softness * rows.force_n[row] if slides else _linear_stretch_m(simulation, row)
+    stretch = -softness * rows.force_n[row] if slides else _linear_stretch_m(simulation, row)
+    if share < 1.0:
+        start_m = rows.frame[row] @ _hold_stretch_m(simulation, row)
+        stretch = start_m + share * (stretch - start_m)
     return 0.5 * float(np.sum(stretch**2 / softness))
 
 

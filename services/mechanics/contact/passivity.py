@@ -14,7 +14,7 @@ Jaws at rest would keep their last micrometres of overlap for ever, which is an 
 while a tool touches something there is a small credit, a fraction of the recent work of the hands, which friction and
 impacts repay. A catheter left alone has none: it would be set swinging for seconds.
 
-There is no limit in the first tenth of a second. Bodies may overlap when a scene begins, as a wall does that a hand
+There is no limit in the first 25 milliseconds. Bodies may overlap when a scene begins, as a wall does that a hand
 presses while physics restarts; they are separated at the bounded speed of recovery.
 """
 
@@ -42,8 +42,11 @@ SLACK_J = 1e-15
 # Largest debt, as a fraction of the work of the hands within the last `RECENT_S`: a fifth of what counts as a gain.
 CREDIT = 2e-3
 RECENT_S = 1.0
-# Time with contacts after the start of a scene in which recovery has no limit.
-START_UP_S = 0.1
+# A debt that nobody notices: the work of 1 mN over 1 um, as of the wall's terms.
+NOTICED_J = 1e-9
+# Time with contacts after the start of a scene in which recovery has no limit: at a fifth per millisecond 0.4 % of an
+# overlap is left. A clip that closes, or a hand, would give out energy in more of it.
+START_UP_S = 0.025
 # Fraction of the dissipation that recovery may use: with less recovery, friction dissipates less too.
 BUDGET_SHARE = 0.9
 # A limit to 1e-9 of the budget, 2^-30, because the work of a row may be so small a part of it.
@@ -63,6 +66,12 @@ class Ledger(Struct):
     contact_time_s: float = 0.0  # time with contacts since the start, or since nothing touched
     at_start: Annotated[FloatArray, 3]  # budget, debt and time at the start of the step
     n_solves: int = 0  # of this step so far
+
+
+def within_credit(ledger: Ledger) -> bool:
+    """Return whether the solves of a step have left no debt beyond the credit, or none beyond that it began with."""
+    most_j = max(CREDIT * ledger.max_hand_work_j, NOTICED_J + ledger.at_start[1])
+    return bool(ledger.n_solves == 0 or ledger.debt_j <= most_j)
 
 
 @inlined_kernel

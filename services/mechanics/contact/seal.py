@@ -80,10 +80,11 @@ class IntroducerSeal:
             self.memory.row = NO_ROOM
         self._catheter.n_own_rows = n_rows
 
-    def slide(self) -> None:
-        """Update the elastic slip by the motion that the solve has found."""
+    def slide(self, share: float) -> None:
+        """Update the elastic slip by the share of the solved motion that has happened."""
         if self._catheter.n_own_rows:
-            slide_seal(self._system.address, self.memory.address, not self._system.strategy.acts_in_next_step)
+            has_moved = not self._system.strategy.acts_in_next_step
+            slide_seal(self._system.address, self.memory.address, has_moved, share)
 
 
 @kernel
@@ -122,16 +123,24 @@ def append_seal(
 
 
 @kernel
-def slide_seal(state_address: Address[ContactState], seal_address: Address[SealMemory], has_moved: bool) -> None:
-    """Store the elastic slip at the end of the step; ``has_moved`` is whether motions include the contact forces."""
+def slide_seal(
+    state_address: Address[ContactState], seal_address: Address[SealMemory], has_moved: bool, share: float
+) -> None:
+    """Store the elastic slip at the end of the step; ``has_moved`` is whether motions include the contact forces.
+
+    ``share`` of the solved motion has happened. The lip stretches no further than its limit bears: what a solve that
+    was cut short has moved it beyond that, it has slid.
+    """
     state, seal = state_at(state_address), seal_at(seal_address)
     rows, row = state.rows, seal.row
-    force, motion = rows.force_n[row, 0], state.problem.motion[3 * row]
+    force, slip_m = rows.force_n[row, 0], state.problem.motion[3 * row]
     if not has_moved:
         seal.elastic_m = 0.0
         return
-    seal.elastic_m = -rows.softness_m_n[row, 0] * force
-    if state.slides[row]:
-        seal.dissipated_j -= force * motion
-    else:
-        seal.elastic_m += motion
+    stretch_m = -rows.softness_m_n[row, 0] * force
+    if not state.slides[row]:
+        most_m = rows.softness_m_n[row, 0] * rows.force_limit_n[row]
+        sticking_m = min(max(stretch_m + slip_m, -most_m), most_m) - stretch_m
+        stretch_m, slip_m = stretch_m + sticking_m, slip_m - sticking_m
+    seal.dissipated_j -= share * force * slip_m
+    seal.elastic_m = seal.start_m + share * (stretch_m - seal.start_m)

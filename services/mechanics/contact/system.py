@@ -13,7 +13,7 @@ from trocar.services.mechanics.contact import stages
 from trocar.services.mechanics.contact.geometry import Bodies, ContactGeometry
 from trocar.services.mechanics.contact.implicit import ImplicitStrategy
 from trocar.services.mechanics.contact.pair_rows import append_pairs
-from trocar.services.mechanics.contact.passivity import START_UP_S
+from trocar.services.mechanics.contact.passivity import START_UP_S, within_credit
 from trocar.services.mechanics.contact.penalty import PenaltyStrategy
 from trocar.services.mechanics.contact.problem import UNBOUNDED
 from trocar.services.mechanics.contact.state import ContactState, begin_rows
@@ -88,6 +88,11 @@ class ContactSystem:
     def is_cut(self) -> bool:
         """Whether the last solve has ended for want of work, so that rows may end deeper than their laws allow."""
         return bool(self._state.problem.is_cut)
+
+    @property
+    def owes_nothing(self) -> bool:
+        """Whether contacts have given the bodies no more energy in this step than they may, see `passivity`."""
+        return within_credit(self._state.ledger)
 
     def clear(self) -> None:
         """Remove the rows of the last step; the memory for the warm start keeps their forces."""

@@ -76,6 +76,7 @@ class MotionShare:
         self._put(self._places, share)
         self._put(self._rates, share)
         self._put_loads(share)
+        self._world.tools.rolled_rad *= share
         self._world.duct.write_acceleration()
         self._world.catheter.take_back(share)
         self._world.search.restore_start()

@@ -42,6 +42,9 @@ from trocar.services.mechanics.simulation.step_start import StepStart
 from trocar.services.mechanics.simulation.stuck_world import StuckWorld
 
 LONGEST_TICK_S = 1.0
+INDEBTED_STEP_S = LONGEST_STEP_S / 8
+"""Longest part in which contacts may give out more than their credit, if it can be divided. What they give beyond a
+straight way falls with the square of the part: an eighth of a tick gives a 64th, all eight of them an eighth."""
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
 
@@ -100,6 +103,7 @@ class Simulation:
         self._marks_ns = [0] * (len(STAGE_NAMES) - 1)
         self.splitter, self.withheld_s, self.share = StepSplitter(world), 0.0, 1.0
         self._owes_nothing = True  # whether effects owe no energy for the last part, see `Effect.is_settled`
+        self._is_indebted = False  # whether its contacts do, and it is longer than `INDEBTED_STEP_S`
         self.watcher: Watcher | None = None
         self.inside_watch = InsideWatch(N_TOOLS)
         for effect in stages["prepare"]:
@@ -204,7 +208,8 @@ class Simulation:
             if self.solver.pricing.n_found == found:
                 self._stuck.note_failed(dt_s)
             may_divide = dt_s > SHORTEST_STEP_S and not self.solver.is_spent
-            if may_divide and (self.share < 0.5 or not (self._owes_nothing and self.solver.prices)):
+            may_stand = self._owes_nothing and self.solver.prices and not self._is_indebted
+            if may_divide and (self.share < 0.5 or not may_stand):
                 self._start.restore()
                 self._take_parts(tools, dt_s / 2, 2)
                 return
@@ -234,7 +239,8 @@ class Simulation:
 
         Without prices nothing tells how deep bodies are at a share: all of it counts.
         """
-        if not (self._owes_nothing and self._healer.accepts()):
+        gains = not self._owes_nothing or (self._is_indebted and self.solver.is_spent)
+        if gains or not self._healer.accepts():
             return 0.0
         if not self.solver.prices:
             return 1.0
@@ -296,9 +302,11 @@ class Simulation:
         is_settled = self.solver.solve(dt_s)
         act(self._stages, "settle", self.world, dt_s)
         self._owes_nothing = all(effect.is_settled for effect in self._stages["settle"])
+        self._is_indebted = not self.system.owes_nothing and dt_s > INDEBTED_STEP_S
         marks[5] = perf_counter_ns()
         self.cost_ns[:5] = map(add, self.cost_ns, map(sub, marks[1:], marks))
-        return self.splitter.is_detected() and is_settled and self._owes_nothing and self._healer.accepts()
+        is_sound = is_settled and self._owes_nothing and not self._is_indebted
+        return self.splitter.is_detected() and is_sound and self._healer.accepts()
 
     def _heal(self) -> None:
         """Put back the state that the last step began with; no force acts on a tool in this tick."""
@@ -420,7 +428,7 @@ class Simulation:
         start_ns = perf_counter_ns()
         if self.wire_drive is not None:
             self.wire_drive.settle()
-        self.seal.slide()
+        self.seal.slide(self.share)
         self.holds.slide(self.share)
         self.search.update_working_set(self.system.address)
         if self.wire_drive is not None:

@@ -14,7 +14,13 @@ from trocar.services.mechanics.contact.problem import ContactProblem
 from trocar.services.mechanics.contact.rows import ContactRows
 from trocar.services.mechanics.contact.solver import solve_contacts
 from trocar.services.mechanics.contact.stages import write_results
-from trocar.services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_anchors, store_forces
+from trocar.services.mechanics.contact.warm_start import (
+    ENDED_M,
+    ForceMemory,
+    recall_forces,
+    store_anchors,
+    store_forces,
+)
 from trocar.services.mechanics.contact.writer import append_row
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation
@@ -123,7 +129,7 @@ def test_an_anchor_stretches_no_further_than_the_cone_bears_wherever_a_solve_end
     problem.motion[1:3] = residual_m
     store_anchors(problem, np.zeros(1, np.bool_), memory.elastic_m)
     wanted_m = np.array(residual_m) - SURFACE_SOFTNESS_M_N * rows.force_n[0, 1:]
-    most_m = SURFACE_SOFTNESS_M_N * mu * normal_n
+    most_m = SURFACE_SOFTNESS_M_N * mu * normal_n + ENDED_M
     share = min(1.0, most_m / np.linalg.norm(wanted_m))
     assert memory.elastic_m[0] == pytest.approx([0.0, *(share * wanted_m)], rel=1e-12)
 

@@ -8,12 +8,14 @@ from trocar.services.mechanics.contact.free_motion import effective_gap, free_mo
 from trocar.services.mechanics.contact.identity import pair_identity
 from trocar.services.mechanics.contact.laws import number_of
 from trocar.services.mechanics.contact.passivity import (
+    CREDIT,
     RECENT_S,
     SLACK_J,
     START_UP_S,
     Ledger,
     limit_recovery,
     solve_passively,
+    within_credit,
 )
 from trocar.services.mechanics.contact.problem import ContactProblem
 from trocar.services.mechanics.contact.rows import KEPT, ContactRows
@@ -195,3 +197,19 @@ def test_what_a_step_may_give_is_not_owed(tool, gap_m, gives_j):
     contact_work_j = pressed.solve(solve_passively).contact_work_j()
     assert contact_work_j == pytest.approx(gives_j, rel=0.02, abs=1e-17)
     assert pressed.ledger.debt_j == pytest.approx(max(contact_work_j - SLACK_J, 0.0), abs=1e-18)
+
+
+@pytest.mark.parametrize(
+    ("n_solves", "debt_j", "begun_j", "is_within"),
+    [
+        (0, 9e-6, 0.0, True),  # no contact: what is owed is of earlier steps
+        (2, 1.9e-6, 0.0, True),
+        (2, 2.1e-6, 0.0, False),
+        (1, 5e-6, 5e-6, True),  # a step that adds nothing to a debt
+        (1, 5e-6, 4.9e-6, False),
+    ],
+)
+def test_a_step_may_owe_a_part_of_the_hands_work_or_what_it_began_with(n_solves, debt_j, begun_j, is_within):
+    ledger = Ledger.zeros(n_solves=n_solves, debt_j=debt_j, max_hand_work_j=2e-6 / CREDIT)
+    ledger.at_start[1] = begun_j
+    assert within_credit(ledger) is is_within

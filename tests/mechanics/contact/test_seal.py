@@ -10,7 +10,8 @@ from scipy.optimize import minimize_scalar
 from tests.by_day import by_day
 from trocar.services.mechanics.bodies.catheter import BEARING_DIAMETERS
 from trocar.services.mechanics.collision.pairs import CATHETER_SEGMENT
-from trocar.services.mechanics.contact.laws import number_of
+from trocar.services.mechanics.contact.laws import SEAL_SOFTNESS_M_N, number_of
+from trocar.services.mechanics.contact.seal import slide_seal
 from trocar.services.mechanics.scene.tools import GraspHold, ToolInputs
 from trocar.services.mechanics.simulation import Simulation
 
@@ -187,3 +188,20 @@ def test_a_catheter_that_hangs_in_its_seal_sleeps_and_is_held_when_it_wakes(with
     for _ in range(20):
         simulation.step(tools)
     assert np.abs(simulation.catheter.state.position_m - hung_m).max() < 1e-8
+
+
+@pytest.mark.parametrize("share", [1.0, 0.25])
+def test_the_lip_stretches_no_further_than_its_friction_bears_wherever_a_solve_ended(with_effects, small_duct, share):
+    """A solve that was cut short leaves the catheter at 0.3 mm from where the seal holds it: it has slid."""
+    simulation = in_introducer(with_effects, small_duct)
+    Pull(simulation, 1e-3).to(0.0)
+    system, memory = simulation.system, simulation.seal.memory
+    row, force_n, moved_m = memory.row, 0.5 * SEAL_N, -0.3e-3
+    memory.start_m = memory.dissipated_j = 0.0
+    system.rows.force_n[row, 0], system.slides[row] = force_n, False
+    system.motion_m[3 * row] = moved_m
+    slide_seal(system.address, memory.address, True, share)
+    limit_n = system.rows.force_limit_n[row]
+    assert memory.elastic_m == pytest.approx(-share * SEAL_SOFTNESS_M_N * limit_n)
+    slid_m = abs(moved_m) + SEAL_SOFTNESS_M_N * force_n - SEAL_SOFTNESS_M_N * limit_n
+    assert memory.dissipated_j == pytest.approx(share * force_n * slid_m)

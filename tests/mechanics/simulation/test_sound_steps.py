@@ -13,6 +13,7 @@ from trocar.services.mechanics.reduction.wall_step.energy_tank import MOST_OWED
 from trocar.services.mechanics.reduction.wall_step.implicit_step import CREDIT_J, ENERGY, TANK
 from trocar.services.mechanics.scene.tools import ToolInputs
 from trocar.services.mechanics.simulation import Simulation, step_solver
+from trocar.services.mechanics.simulation.simulation import INDEBTED_STEP_S
 from trocar.services.mechanics.simulation.sound_start import begin_sound
 from trocar.studies.judge.overlaps import OverlapJudge
 from trocar.studies.stability.finely import contact_forces_n
@@ -118,6 +119,50 @@ def test_a_motion_that_owes_energy_does_not_happen_however_short_it_is(with_effe
     simulation.step(ToolInputs())
     assert simulation.withheld_s == pytest.approx(1e-3)
     assert np.array_equal(simulation.duct.state.q, q)
+
+
+class Parts:
+    """Notes how long the parts of ticks are that have happened."""
+
+    def __init__(self):
+        self.lengths_s = []
+
+    def begin(self):
+        """Nothing: see `Watcher`."""
+
+    def end(self, dt_s):
+        self.lengths_s.append(dt_s)
+
+
+@pytest.mark.parametrize(("most_products", "lengths_s"), [(None, [INDEBTED_STEP_S] * 8), (1, [0.0])])
+def test_a_part_whose_contacts_give_more_than_their_credit_is_divided(
+    small_scene, small_duct, monkeypatch, most_products, lengths_s
+):
+    """To an eighth of a tick, where it may stand; a tick without work for that does not happen."""
+    simulation, watcher = Simulation(small_scene, small_duct), Parts()
+    press(simulation, 40)
+    tools = ToolInputs()
+    tools.position_m[:] = simulation.tools.hand[:, :3]
+    monkeypatch.setattr(type(simulation.system), "owes_nothing", False)
+    if most_products is not None:
+        monkeypatch.setattr(step_solver, "MOST_PRODUCTS", most_products)
+    simulation.watcher = watcher
+    simulation.step(tools)
+    assert watcher.lengths_s == pytest.approx(lengths_s)
+    assert simulation.withheld_s == pytest.approx(1e-3 - sum(lengths_s))
+
+
+def test_a_share_of_a_motion_rolls_its_tools_by_that_share(small_scene, small_duct):
+    simulation = Simulation(small_scene, small_duct)
+    press(simulation, 40)
+    tools = ToolInputs(roll_rad=np.array([0.02, -0.03]))
+    tools.position_m[:] = simulation.tools.hand[:, :3]
+    simulation._start.save()
+    assert simulation._move(tools, 1e-3)
+    assert simulation._motion_share.find(1.0, 1.0, 0.125) == 1.0
+    simulation._motion_share.take(0.25)
+    assert simulation.tools.rolled_rad == pytest.approx([5e-3, -7.5e-3])
+    assert simulation.tools.roll_rad == pytest.approx([5e-3, -7.5e-3])
 
 
 def test_a_wall_that_owes_what_it_once_stored_much_of_does_not_stand_still_for_it(with_effects, small_duct):
