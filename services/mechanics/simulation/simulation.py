@@ -213,6 +213,8 @@ class Simulation:
                 self._start.restore()
                 self._take_parts(tools, dt_s / 2, 2)
                 return
+            if self._is_indebted:
+                self.share = 0.0
             self._take_back()
         share = self.share
         if share > 0.0:
@@ -239,8 +241,7 @@ class Simulation:
 
         Without prices nothing tells how deep bodies are at a share: all of it counts.
         """
-        gains = not self._owes_nothing or (self._is_indebted and self.solver.is_spent)
-        if gains or not self._healer.accepts():
+        if not (self._owes_nothing and self._healer.accepts()):
             return 0.0
         if not self.solver.prices:
             return 1.0
