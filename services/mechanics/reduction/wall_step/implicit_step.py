@@ -70,9 +70,9 @@ LEAST_GAIN = 1e-6
 """Least gain over the largest one: an exact oscillator whose half period divides the step would have none."""
 CREDIT_J = 1e-9
 """Debt that the tank may have: the work of 1 mN over 1 um."""
-TANK_SHARE = 0.1
+TANK_SHARE = 0.02
 """Largest content of the tank over the size of the stored energy, which may be below that of a linear wall; what steps
-lose beyond it is dissipated."""
+lose beyond it is dissipated. Where half of a wall's energy is the terms', the tank gives out at most 1 % of it."""
 ENERGY, TANK, LAGGED, OF_MEMBRANE = range(4)
 """Places in the books: the energy where the last step ended, what steps have lost of it, the work of what lags, and how
 much of the energy is the membrane's."""
