@@ -51,12 +51,24 @@ def raised(path: Path) -> set[str]:
     return {numbered(text) for call in calls for argument in call.args for text in texts_of(argument) if " " in text}
 
 
+def told_to(path: Path, calls: set[str]) -> set[str]:
+    """Return the texts that a file gives first to calls of these names."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    told = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.args and _name_of(node) in calls]
+    return {numbered(text) for call in told for text in texts_of(call.args[0])}
+
+
+def _name_of(call: ast.Call) -> str:
+    """Return the last part of the name of what is called."""
+    return str(getattr(call.func, "attr", getattr(call.func, "id", "")))
+
+
 def _unread(node: ast.AST) -> Iterator[ast.AST]:
     """Yield what of a node nobody reads as a sentence of its own."""
     match node:
         case ast.Expr(value=ast.Constant() as text):  # a docstring
             yield text
-        case ast.Call(func=func) if getattr(func, "attr", getattr(func, "id", "")) in _APART:
+        case ast.Call() if _name_of(node) in _APART:
             yield from ast.walk(node)
         case ast.JoinedStr(values=values):
             yield from values

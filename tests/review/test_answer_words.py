@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.review.sentences import numbered, raised, sentences
+from tests.review.sentences import numbered, raised, sentences, told_to
 from trocar import review, services
 from trocar.review.attempts.advice import METRICS
 from trocar.review.school.courses import course_names, load_course
+from trocar.services.start.first_start import NOTICE
 from trocar.services.training.errors import ERRORS
 from trocar.services.training.scenario import load_scenario, scenario_names
 from trocar.services.training.situation import TISSUES
@@ -20,7 +21,7 @@ from trocar.services.training.situation import TISSUES
 _SERVICES, _REVIEW = Path(services.__file__).parent, Path(review.__file__).parent
 _GERMAN = json.loads((_SERVICES / "messages" / "answers.de.json").read_text(encoding="utf-8"))
 #: What is no sentence to a person: policies of a page, a database's language, a command, an address in another's words.
-_NO_WORDS = re.compile(r"[a-z]+-src |PRAGMA |SELECT |<|trocar [a-z]|--|#: ")
+_NO_WORDS = re.compile(r"[a-z]+-src |PRAGMA |SELECT |<|trocar [a-z]|--|#: |kernel progress$")
 
 
 def _all_of(*paths: str, left_out: tuple[str, ...] = ()) -> set[str]:
@@ -55,6 +56,12 @@ def _of_judge() -> set[str]:
     return told | sentences(_SERVICES / "supervisor" / "control" / "supervisor.py", within=("safe_stop",))
 
 
+def _of_start() -> set[str]:
+    """Return what the page says in the place of the picture while the rig starts."""
+    found = {each for path in _SERVICES.glob("**/*.py") for each in told_to(path, {"progress", "_progress"})}
+    return found | _all_of("start/kernel_progress.py") | {NOTICE}
+
+
 def _of_training() -> set[str]:
     names = ("attempt", "fitness", "hints", "rig_observer", "trainer", "__main__")
     return _all_of(*(f"training/{name}.py" for name in names))
@@ -79,7 +86,7 @@ def _of_shipped_files() -> set[str]:
 
 
 _SOURCES: list[Callable[[], set[str]]] = [
-    _of_school, _of_settings, _of_class, _of_page, _of_judge, _of_training, _of_reports, _of_shipped_files,
+    _of_school, _of_settings, _of_class, _of_page, _of_judge, _of_start, _of_training, _of_reports, _of_shipped_files,
 ]  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import { Track } from "./track.js";
 
 const $ = (id) => document.getElementById(id);
 const SHOWN_MS = 5000, SAME_MS = 4000, BEEP_S = 0.16, BEEP_HZ = 392;
-const STRONGEST = 0.55, MOST = 3; // mistakes at once
+const STRONGEST = 0.55, MOST = 3, EDGE = 6; // mistakes at once, and pixels to the edge of the picture
 
 export class Coach {
   // view(): as it is now; school: who is asked for an example
@@ -73,7 +73,8 @@ export class Coach {
   keepClear(box) {
     const wanted = box.getBoundingClientRect(), others = [...$("mistakes").children].filter((each) => each !== box);
     const placeOf = (each) => each.getBoundingClientRect(), view = placeOf($("view"));
-    const names = document.querySelectorAll("#tags span"), found = freePlace(wanted, [...covering(), ...names, ...others].map(placeOf), view);
+    const within = { left: view.left + EDGE, top: view.top + EDGE, right: view.right - EDGE, bottom: view.bottom - EDGE };
+    const names = document.querySelectorAll("#tags span"), found = freePlace(wanted, [...covering(), ...names, ...others].map(placeOf), within);
     if (!found) return !others.length; // alone it may lie over what is there
     box.style.left = `${found[0] - view.left + 0.5 * wanted.width}px`;
     box.style.top = `${found[1] - view.top + 1.1 * wanted.height}px`;
