@@ -8,16 +8,16 @@ from trocar.services.training.scenario import ErrorCode
 from trocar.services.training.score import Band, ScoreRules
 
 _MOST = 3  # assumption: nobody works on more at once
-_NAMES = {
-    "time_s": "time",
-    "path_m": "path",
-    "regrasps": "regrasps",
-    "retries": "new approaches to the mouth",
-    "peak_n": "peak force",
-    "load_n_s": "load on the tissue",
-    "idle_share": "idle share",
+METRICS = {
+    "time_s": "the time",
+    "path_m": "the path of {}",
+    "regrasps": "the regrasps",
+    "retries": "the new approaches to the mouth",
+    "peak_n": "the peak force of {}",
+    "load_n_s": "the load of {} on the tissue",
+    "idle_share": "the idle share of {}",
 }
-"""Metrics that a trainee can practise against, by the end of their name; more of each is worse."""
+"""Metrics that a trainee can practise against, by the end of their name, with whose they are; more of each is worse."""
 
 
 def advice(found: Assessment, rules: ScoreRules, band: Band) -> list[str]:
@@ -40,17 +40,12 @@ def _against_experts(found: Assessment, band: Band, deviations: float) -> list[s
     words = metric_words(found.metrics)
     for name, value in found.metrics.items():
         owner, _, end = name.rpartition(".")
-        if end not in _NAMES or name not in band:
+        if end not in METRICS or name not in band:
             continue
         mean, most = band[name].mean, band[name].mean + deviations * band[name].deviation
         if value > most and mean > 0.0:
             number, unit = words[name]
-            what = f"{_NAMES[end]} of {owner.replace('_', ' on ')}" if owner else _NAMES[end]
-            limit = number * most / value
-            away.append(
-                (
-                    value / mean,
-                    f"Reduce the {what}: {number:.3g} {unit}".rstrip() + f", experts keep below {limit:.3g}.",
-                )
-            )
+            what = METRICS[end].format(owner.replace("_", " on "))
+            shown, limit = f"{number:.3g} {unit}".rstrip(), number * most / value
+            away.append((value / mean, f"Reduce {what}: {shown}, experts keep below {limit:.3g}."))
     return [sentence for _, sentence in sorted(away, reverse=True)]

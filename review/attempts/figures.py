@@ -13,6 +13,7 @@ from trocar.services.training.procedure import PHASES
 # Pixels of a figure, so that a page of A4 or a screen has room for it; margins hold the numbers beside the axes:
 WIDTH, NARROW, LEFT, RIGHT = 900.0, 420.0, 56.0, 12.0
 TOP, HEIGHT, BOTTOM = 12.0, 190.0, 24.0
+_LETTER, _LINE = 7.5, 15.0  # of a figure's words, of 13 pixels: at most so wide, and so high with the room between
 
 LEAD_S = 3.0
 """A replay begins so long before an error: an assumption of what a person needs to see how it came."""
@@ -46,7 +47,10 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Curves over a common axis; `marks` are lines across at a value, `beyond` the names of those out of sight."""
+    """Curves over a common axis; `marks` are lines across at a value, `beyond` the names of those out of sight.
+
+    Their words stand beside and above the curves, as they would lie on them.
+    """
 
     x_ticks: list[tuple[float, str]]
     y_ticks: list[tuple[float, str]]
@@ -58,6 +62,7 @@ class Chart:
     height: float = HEIGHT
     left: float = LEFT
     top: float = TOP
+    line: float = _LINE
     bottom: float = HEIGHT - BOTTOM
 
 
@@ -74,8 +79,10 @@ def chart(
     known = marks or {}
     shown = {name: at for name, at in known.items() if at <= 1.5 * high or high <= 0.0 or len(values) == 0}
     high = max([high, *shown.values(), 1e-9]) * 1.05
-    across = Scale(x_low, max([x_low + 1e-9, *x]), LEFT, width - RIGHT)
-    up = Scale(low, high, HEIGHT - BOTTOM, TOP)
+    right = width - RIGHT - max((_LETTER * len(name) for name in shown), default=0.0)
+    top = TOP + _LINE * (len(known) - len(shown))
+    across = Scale(x_low, max([x_low + 1e-9, *x]), LEFT, right)
+    up = Scale(low, high, HEIGHT - BOTTOM, top)
     return Chart(
         x_ticks=[(across(at), f"{at:g}") for at in ticks(across.low, across.high, round(width / 90.0))],
         y_ticks=[(up(at), f"{at:g}") for at in ticks(low, high)],
@@ -86,7 +93,8 @@ def chart(
         marks=[(up(at), name) for name, at in shown.items()],
         beyond=[f"{name} {at:g}, above" for name, at in known.items() if name not in shown],
         width=width,
-        right=width - RIGHT,
+        right=right,
+        top=top,
     )
 
 

@@ -24,7 +24,7 @@ from trocar.review.school.answering import Handler, as_instructor
 from trocar.review.school.app import build_app as build_school
 from trocar.review.school.bench import Bench
 from trocar.review.school.courses import course_names
-from trocar.services.messages.page_style import styled
+from trocar.services.messages.page_style import speaking, styled
 from trocar.services.runtime.errors import UserError
 from trocar.services.runtime.web.web_headers import SafeHeaders, policy_of_text
 from trocar.services.runtime.web.web_host import KnownHost, listen
@@ -109,7 +109,7 @@ class Classroom:
 
 def build_app(classroom: Classroom) -> Starlette:
     """Return the web application."""
-    html = styled(_PAGE.read_text(encoding="utf-8")).replace("/*WORDS*/", _WORDS.read_text(encoding="utf-8"))
+    html = speaking(styled(_PAGE.read_text(encoding="utf-8")), _WORDS)
 
     async def page(_request: Request) -> Response:
         return HTMLResponse(html)

@@ -54,13 +54,13 @@ class Course(Settings):
 
 
 class StepStanding(msgspec.Struct, frozen=True):
-    """How a trainee stands at a task: passed, now or later; `told` says what is missing."""
+    """How a trainee stands at a task: passed, now or later; `told` says in parts of a sentence what passes it."""
 
     title: str
     scenario: str
     coaching: Coaching
     state: Literal["passed", "now", "later"]
-    told: str
+    told: tuple[str, ...]
     done: int
 
 
@@ -148,20 +148,20 @@ def _streak(rows: Sequence[Listed], is_good: Callable[[Listed], bool]) -> int:
     return next((k for k, row in enumerate(reversed(rows)) if not is_good(row)), len(rows))
 
 
-def _told(step: Step, rows: Sequence[Listed], rules: ScoreRules) -> str:
-    """Return what passes a task, and how far one is, in a sentence."""
+def _told(step: Step, rows: Sequence[Listed], rules: ScoreRules) -> tuple[str, ...]:
+    """Return what passes a task, and how far one is, in parts of a sentence that a page puts commas between."""
     rule = step.passes
     if step.is_test:
-        return "One attempt, whatever comes of it: it shows where you stand."
-    wanted = ["reach the goal"]
+        return ("One attempt", "whatever comes of it: it shows where you stand")
+    wanted = ["Reach the goal"]
     wanted += [f"with a score of {rule.score:.0f} or more"] if rule.score is not None else []
     wanted += [f"with at most {rule.errors} errors"] if rule.errors is not None else []
     wanted += ["without a critical error"] if rule.critical == 0 else []
     streak = min(_streak(rows, lambda row: _is_good(rule, row)), rule.in_a_row)
-    often = f" {rule.in_a_row} times in a row: {streak} so far" if rule.in_a_row > 1 else ""
-    more = f", on {rule.days} different days" if rule.days > 1 else ""
-    more += ", and fail so rarely that CUSUM clears you" if rule.cusum else ""
-    return f"{', '.join(wanted).capitalize()}{often}{more}."
+    wanted += [f"{rule.in_a_row} times in a row ({streak} so far)"] if rule.in_a_row > 1 else []
+    wanted += [f"on {rule.days} different days"] if rule.days > 1 else []
+    wanted += ["and fail so rarely that CUSUM clears you"] if rule.cusum else []
+    return tuple(wanted)
 
 
 def today(rows: Sequence[Listed], now_ns: int) -> int:

@@ -10,6 +10,7 @@ import pytest
 from tests import chromium
 from tests.anatomy.phantoms import forked, scan
 from tests.anatomy.volumes import write_volume
+from tests.page.looks import Look, cut_words, keep_picture, looked_at, serious_faults
 from tests.patience import PATIENCE_S
 from trocar.services.anatomy.edit_page import EditPage
 from trocar.services.anatomy.making import AnatomyRequest, MadeAnatomy, make_anatomy
@@ -32,6 +33,18 @@ def click(browser: chromium.Chromium, place_mm: list[float]) -> None:
 
 def choose(browser: chromium.Chromium, tool: str) -> None:
     browser.evaluate(f"""document.querySelector('input[value="{tool}"]').click()""")
+
+
+def look_at(browser: chromium.Chromium) -> None:
+    """Look at the page on a phone, at a desk and on a projector, dark and light."""
+    for look in (
+        Look(scheme, *size) for scheme in ("light", "dark") for size in ((390, 844), (1280, 800), (1920, 1080))
+    ):
+        with looked_at(browser, look):
+            keep_picture(browser, f"anatomy-{look}")
+            assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, look
+            assert cut_words(browser) == [], look
+            assert serious_faults(browser) == [], look
 
 
 @pytest.mark.skipif(chromium.find() is None, reason="needs Chromium")
@@ -57,7 +70,7 @@ def test_clicks_are_picks(tmp_path: Path) -> None:
             choose(browser, "goal")
             line = made.duct.lines[0].points_m
             click(browser, (1e3 * line[len(line) // 2]).tolist())
-            browser.screenshot(tmp_path / "page.png")
+            look_at(browser)
             browser.evaluate("document.getElementById('save').click()")
             browser.until(lambda: browser.text("#said") == "Saved.", PATIENCE_S, "the save")
             assert (saved[-1].choice.mouth, saved[-1].choice.held) == (first.name, (old.name,))

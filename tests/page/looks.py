@@ -12,6 +12,9 @@ from typing import NamedTuple
 
 from tests.by_day import by_day
 from tests.chromium import Chromium
+from trocar.services.supervisor.page.page_place import DIST
+
+_AXE = DIST.parent / "node_modules" / "axe-core" / "axe.min.js"
 
 
 class Look(NamedTuple):
@@ -38,6 +41,52 @@ _CUT = """[...document.querySelectorAll(
   return width && style.textOverflow !== 'ellipsis' && !node.closest('.scroll, pre, #tools')
     && style.display !== 'inline' && node.scrollWidth > node.clientWidth + 1;
 }).map((node) => node.id || `${node.tagName} ${node.innerText.slice(0, 40)}`)"""
+#: Pairs of elements that lie over each other, but for one that holds the other.
+_CROSSING = """((selector) => {
+  const shown = [...document.querySelectorAll(selector)].map((node) => [node, node.getBoundingClientRect()])
+    .filter(([node, { width }]) => width && node.checkVisibility({ visibilityProperty: true }));
+  const kind = (node) => node.id || node.className.baseVal || node.className || node.tagName;
+  const name = ([node]) => `${kind(node)} ${node.textContent.slice(0, 30)}`;
+  const isOver = (a, b) => a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1;
+  return shown.flatMap(([one, a], i) => shown.slice(i + 1).filter(([other, b]) => !one.contains(other)
+    && !other.contains(one) && isOver(a, b)).map((each) => [name([one]), name(each)]));
+})"""
+#: Words of charts that lie on other words of the same chart or on one of its curves.
+_ON_CURVES = """[...document.querySelectorAll('svg.track')].flatMap((chart) => {
+  const texts = [...chart.querySelectorAll('text')].filter((each) => each.textContent);
+  const words = texts.map((each) => [each.textContent, each.getBBox()]);
+  const inside = (b, x, y) => x > b.x && x < b.x + b.width && y > b.y + 1 && y < b.y + b.height - 1;
+  const points = [...chart.querySelectorAll('polyline')].flatMap((line) =>
+    Array.from({ length: 400 }, (_, i) => line.getPointAtLength(i / 399 * line.getTotalLength())));
+  const crossed = words.filter(([, b]) => points.some(({ x, y }) => inside(b, x, y)));
+  const over = words.filter(([, a], i) => words.some(([, b], k) => k > i && a.x < b.x + b.width && b.x < a.x + a.width
+    && a.y + 2 < b.y + b.height && b.y + 2 < a.y + a.height));
+  return [...crossed, ...over].map(([text]) => text);
+})"""
+
+
+def crossing(browser: Chromium, selector: str) -> list[list[str]]:
+    """Return the pairs of shown elements that lie over each other."""
+    found: list[list[str]] = browser.evaluate(f"{_CROSSING}({selector!r})")
+    return found
+
+
+def words_on_curves(browser: Chromium) -> list[str]:
+    """Return the words of charts that lie on a curve, or on other words."""
+    found: list[str] = browser.evaluate(_ON_CURVES)
+    return found
+
+
+def serious_faults(browser: Chromium) -> list[str]:
+    """Return what axe finds that is serious or critical."""
+    if not browser.evaluate("'axe' in globalThis"):
+        browser.evaluate(f"{_AXE.read_text(encoding='utf-8')}; true")
+    found = browser.evaluate(
+        "axe.run(document, {resultTypes: ['violations'], iframes: false}).then(({violations}) => violations"
+        ".filter(({impact}) => ['serious', 'critical'].includes(impact))"
+        ".map(({id, nodes}) => [id, ...nodes.slice(0, 3).map((n) => n.target + n.any?.[0]?.message)].join(' ')))"
+    )
+    return list(found)
 
 
 def cut_words(browser: Chromium) -> list[str]:
@@ -46,10 +95,10 @@ def cut_words(browser: Chromium) -> list[str]:
     return found
 
 
-def keep_picture(browser: Chromium, what: str) -> None:
+def keep_picture(browser: Chromium, what: str, *, whole: bool = False) -> None:
     """Keep a screenshot in the folder that TROCAR_LOOKS names, for who wants to see what was measured."""
     if folder := os.environ.get("TROCAR_LOOKS"):
-        browser.screenshot(Path(folder) / f"{re.sub(r'[^a-zA-Z0-9-]+', '_', what)}.png")
+        browser.screenshot(Path(folder) / f"{re.sub(r'[^a-zA-Z0-9-]+', '_', what)}.png", whole=whole)
 
 
 def set_language(browser: Chromium, language: str) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from tests import chromium
-from tests.page.looks import LOOKS, Look, cut_words, keep_picture, looked_at, set_language
+from tests.page.looks import LOOKS, Look, cut_words, keep_picture, looked_at, serious_faults, set_language
 from tests.page.school_page import SchoolPage, school_page
-from tests.page.test_school_page import arrive, serious
+from tests.page.test_school_page import arrive
 from trocar.services.supervisor.page.page_place import DIST
 
 pytestmark = [
@@ -195,7 +195,7 @@ def test_nothing_is_cut_and_axe_finds_nothing(page: SchoolPage, look: Look) -> N
                 assert browser.evaluate(_CUT) == [], tab
                 assert cut_words(browser) == [], tab
                 assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, tab
-                assert serious(page) == [], tab
+                assert serious_faults(browser) == [], tab
                 keep_picture(browser, f"settings-{tab}-{look}")
     finally:
         set_language(browser, "en")

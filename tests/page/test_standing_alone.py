@@ -11,8 +11,9 @@ import pytest
 
 from tests import chromium
 from tests.chromium import Chromium
+from tests.page.looks import keep_picture, serious_faults
 from tests.page.school_page import assessed
-from tests.page.test_school_page import AXE, CRUSHED
+from tests.page.test_school_page import CRUSHED
 from tests.patience import PATIENCE_S
 from trocar.review.attempts.report import Past, render
 from trocar.services.messages.page_style import page_style
@@ -24,9 +25,6 @@ from trocar.studies.accuracy.study import Cost, Draw, Row, Size
 
 _OWN = DIST.parent / "src" / "style.css"
 in_a_browser = pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine")
-_SERIOUS = """axe.run(document, {resultTypes: ['violations']}).then(({violations}) => violations
-  .filter(({impact}) => ['serious', 'critical'].includes(impact))
-  .map(({id, nodes}) => [id, ...nodes.slice(0, 3).map((n) => n.target + n.any?.[0]?.message)].join(' ')))"""
 
 
 def _colours(style: str) -> list[dict[str, str]]:
@@ -88,7 +86,6 @@ def test_nothing_is_cut_and_axe_finds_nothing(
     browser.until(lambda: browser.evaluate("document.readyState") == "complete", PATIENCE_S, "the page is there")
     if make is _study:
         browser.evaluate("document.querySelector('circle').dispatchEvent(new MouseEvent('click', {bubbles: true}))")
-    browser.screenshot(tmp_path / f"{make.__name__}-{width}-{scheme}.png", whole=True)
+    keep_picture(browser, f"alone{make.__name__}-{width}-{scheme}", whole=True)
     assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
-    browser.evaluate(f"{AXE.read_text(encoding='utf-8')}; true")
-    assert browser.evaluate(_SERIOUS) == []
+    assert serious_faults(browser) == []

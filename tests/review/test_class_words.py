@@ -9,6 +9,7 @@ import pytest
 from trocar.review import classroom
 from trocar.review.classroom.desk import What
 from trocar.review.school.reports import SCALES
+from trocar.services.messages.page_style import speaking
 from trocar.services.supervisor.judge.state_machine import RigState
 
 _FOLDER = Path(classroom.__file__).parent
@@ -50,10 +51,34 @@ def test_every_sentence_is_translated(said):
 
 def test_no_translation_is_of_a_sentence_that_is_gone():
     everything = _PAGE + " ".join(_from_elsewhere()) + " armed done abandoned success failure incomplete unknown none "
-    everything += " ".join(("rate", "bookmark", "expert", "pin", "erase", "settings", "restart", "felt test"))
+    everything += " rate bookmark expert pin erase settings restart felt test finished instructor"
     assert [sentence for sentence in _GERMAN if sentence not in everything] == []
 
 
 def test_translations_name_the_same_values():
     for english, german in _GERMAN.items():
         assert sorted(re.findall(r"\{(\w+)\}", english)) == sorted(re.findall(r"\{(\w+)\}", german)), english
+
+
+#: What a bench, the school or this server says, as the script reads it.
+_FROM_SERVERS = (
+    "told.error", "told.remark", "now.title", "now.practice_only", "rig.fault", "rig.reason", "each.title",
+    "attempt.title", "row.course", "row.next", "error.message", "(await answer.json()).error", ", text }",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("read", _FROM_SERVERS)
+def test_what_servers_say_passes_through_a_translation(read):
+    shown = [line for line in _SCRIPT.splitlines() if read in line]
+    assert shown
+    for line in shown:
+        assert re.search(r"\b(?:said|t)\(|\.map\(said\)", line), line
+
+
+def test_the_page_holds_the_script_and_the_words_of_its_translation():
+    html = speaking(_PAGE, _FOLDER / "words.de.json")
+    assert "class Catalogue" in html
+    assert "export " not in html.partition("<script>")[2]
+    words = json.loads(re.search(r'id="words">(.*?)</script>', html, re.DOTALL)[1])
+    assert words["the rig was late"] == "der Simulator war zu spät"
+    assert words["Class"] == "Klasse"

@@ -10,9 +10,9 @@ import pytest
 
 from tests import chromium
 from tests.chromium import Chromium
-from tests.page.looks import cut_words
+from tests.page.looks import LOOKS, Look, crossing, cut_words, keep_picture, looked_at, serious_faults
 from tests.page.school_page import assessed
-from tests.page.test_school_page import AXE, CRUSHED
+from tests.page.test_school_page import CRUSHED
 from tests.patience import PATIENCE_S
 from tests.review.class_of_pages import TOKEN, rigs, served, state, write_roll
 from trocar.protocol import bodies
@@ -103,35 +103,39 @@ def test_an_attempt_is_rated_and_the_rating_kept(desk: DeskPage) -> None:
     desk.press("#one [data-close]")
 
 
-@pytest.mark.parametrize(
-    ("scheme", "width", "language"),
-    [*((s, w, "en") for s in ("dark", "light") for w in (390, 1280, 1920)), ("light", 390, "de"), ("dark", 1280, "de")],
-)
-def test_nothing_overlaps_or_is_cut_at_any_size(
-    desk: DeskPage, scheme: str, width: int, language: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("look", LOOKS, ids=str)
+def test_nothing_overlaps_or_is_cut_at_any_size(desk: DeskPage, look: Look) -> None:
     browser = desk.browser
-    browser.set_size(width, 900)
-    browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-    desk.until(f"innerWidth === {width}", "the size was taken")
-    if browser.evaluate("document.documentElement.lang") != language:
-        choose = f"node.value = '{language}'; node.dispatchEvent(new Event('change'))"
-        browser.evaluate(f"(() => {{ const node = document.getElementById('language'); {choose} }})()")
-        desk.until(f"document.documentElement.lang === '{language}'", "the language was taken")
-        desk.until("document.querySelectorAll('#rigs article').length === 10", "ten benches")
-    assert cut_words(browser) == []
-    assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
-    overlaps = """(() => {
-      const all = [...document.querySelectorAll('#rigs article, main > section')];
-      const boxes = all.map((e) => e.getBoundingClientRect());
-      return boxes.flatMap((a, i) => boxes.slice(i + 1).filter((b) => a.left < b.right - 1 && b.left < a.right - 1
-        && a.top < b.bottom - 1 && b.top < a.bottom - 1)).length;
-    })()"""
-    assert browser.evaluate(overlaps) == 0
-    browser.screenshot(tmp_path / f"desk-{width}-{scheme}.png")
-    browser.evaluate(f"{AXE.read_text(encoding='utf-8')}; true")
-    found = browser.evaluate(
-        "axe.run(document, {resultTypes: ['violations']}).then(({violations}) => violations"
-        ".filter(({impact}) => ['serious', 'critical'].includes(impact)).map((e) => e.id + e.nodes[0].target))"
-    )
-    assert found == []
+    with looked_at(browser, look):
+        if browser.evaluate("document.documentElement.lang") != look.language:
+            choose = f"node.value = '{look.language}'; node.dispatchEvent(new Event('change'))"
+            browser.evaluate(f"(() => {{ const node = document.getElementById('language'); {choose} }})()")
+            desk.until(f"document.documentElement.lang === '{look.language}'", "the language was taken")
+            desk.until("document.querySelectorAll('#rigs article').length === 10", "ten benches")
+            desk.until("document.querySelectorAll('#class tr').length === 1", "the class table")
+        _look(browser, f"desk-{look}")
+        assert crossing(browser, "#rigs article, main > section") == []
+        for name, at, there in _DIALOGS:
+            if not at.startswith("#one"):
+                browser.evaluate("document.getElementById('one').close()")
+            desk.press(at)
+            desk.until(f"document.querySelector({there!r}) !== null", name)
+            _look(browser, f"desk-{name}-{look}")
+        browser.evaluate("document.getElementById('one').close()")
+
+
+#: What opens each dialog, and what is in it: a trainee's attempts and curve, an attempt to be judged, and the journal.
+_DIALOGS = [
+    ("trainee", "#class tr button", "#one-body svg"),
+    ("judging", "#one-body table button", "#one-body .ratings"),
+    ("journal", "#journal-show", "#one-body > ol"),
+]
+
+
+def _look(browser: Chromium, what: str) -> None:
+    assert cut_words(browser) == [], what
+    assert browser.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, what
+    too_wide = "[...document.querySelectorAll('dialog[open]')].some((e) => e.scrollWidth > e.clientWidth + 1)"
+    assert not browser.evaluate(too_wide), what
+    assert serious_faults(browser) == [], what
+    keep_picture(browser, what)

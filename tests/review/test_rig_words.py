@@ -6,11 +6,11 @@ import ast
 import json
 import re
 from collections.abc import Iterable, Iterator
-from itertools import count
 from pathlib import Path
 
 import pytest
 
+from tests.review.sentences import numbered, texts_of
 from trocar import services
 
 _SERVICES = Path(services.__file__).parent
@@ -26,42 +26,22 @@ _SAYING = {"say", "_say", "fail"}
 _COMMAND = re.compile(r"\s*(?:sudo [^(,]*$|pip |apt |import |type can|npm )")
 
 
-def _texts(node: ast.AST) -> Iterator[str]:
-    """Yield the texts that an expression may have, with ``{}`` for values in them."""
-    match node:
-        case ast.Constant(value=str(text)):
-            yield text
-        case ast.JoinedStr(values=values):
-            yield "".join(part.value if isinstance(part, ast.Constant) else "{}" for part in values)  # type: ignore[misc]
-        case ast.IfExp(body=body, orelse=other):
-            yield from (*_texts(body), *_texts(other))
-        case ast.BoolOp(values=values) | ast.Tuple(elts=values) | ast.Dict(values=values):
-            for each in values:
-                yield from _texts(each)
-
-
 def _told(path: Path, calls: set[str], *, kept: bool) -> Iterator[str]:
     """Yield the texts of calls in a file; where `kept`, also those of values that are returned or given a name."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
             for each in node.args if name in calls else ():
-                yield from _texts(each)
+                yield from texts_of(each)
         elif kept and isinstance(node, ast.Assign | ast.AnnAssign | ast.Return) and node.value is not None:
-            yield from (text for text in _texts(node.value) if text.count(" ") > 1)
+            yield from (text for text in texts_of(node.value) if text.count(" ") > 1)
 
 
 def _keys(texts: Iterable[str]) -> set[str]:
     """Return texts as keys of the catalogue, without commands and what has no words."""
     words = {text for text in texts if re.search(r"[a-z]{2}", text) and not _COMMAND.match(text)}
     words = {re.sub(r"^supervisor: \{\}(?: ?\{\})+$", "supervisor: {}", text) for text in words}  # a sentence in parts
-    return {_numbered(text) for text in words}
-
-
-def _numbered(text: str) -> str:
-    """Return a text with ``{0}``, ``{1}`` and so on for each ``{}``."""
-    numbers = count()
-    return re.sub(r"\{\}", lambda _: f"{{{next(numbers)}}}", text)
+    return {numbered(text) for text in words}
 
 
 def _of_checks() -> set[str]:

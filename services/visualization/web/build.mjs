@@ -9,7 +9,10 @@ const here = (path) => fileURLToPath(new URL(path, import.meta.url));
 await rm(here("dist"), { recursive: true, force: true });
 await mkdir(here("dist"), { recursive: true });
 await build({
-  entryPoints: { app: here("src/main.js"), style: here("src/style.css"), anatomy: here("src/anatomy/main.js") },
+  entryPoints: [
+    { in: here("src/main.js"), out: "app" }, { in: here("src/style.css"), out: "style" },
+    { in: here("src/anatomy/main.js"), out: "anatomy" }, { in: here("src/anatomy/anatomy.css"), out: "anatomy" },
+  ],
   outdir: here("dist"),
   bundle: true,
   format: "esm",
@@ -19,5 +22,5 @@ await build({
   logLevel: "info",
 });
 await cp(here("src/index.html"), here("dist/index.html"));
-for (const file of ["anatomy.html", "anatomy.css"]) await cp(here(`src/anatomy/${file}`), here(`dist/${file}`));
+await cp(here("src/anatomy/anatomy.html"), here("dist/anatomy.html"));
 await cp(here("src/icon.svg"), here("dist/icon.svg"));

@@ -18,6 +18,8 @@ DIST = WEB / "dist"
 _STAMP = DIST / "built-from.sha256"
 _COMMAND = "python -m trocar.services.visualization.web.build"
 _INPUTS = ("package.json", "package-lock.json", "build.mjs")
+#: What the page shares with pages that stand alone.
+_SHARED = [WEB.parents[1] / "messages" / name for name in ("said.mjs", "answers.de.json", "page_style.css")]
 
 
 class BuildError(Exception):
@@ -29,6 +31,8 @@ def fingerprint() -> str:
     digest = hashlib.sha256()
     for path in (*(WEB / name for name in _INPUTS), *sorted(WEB.glob("src/**/*.*"))):
         digest.update(f"{path.relative_to(WEB)}\0".encode() + path.read_bytes())
+    for path in _SHARED:
+        digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { MARGIN, nearestEye, roomBeside, WHOLE } from "../src/view/room.js";
+import { freePlace, MARGIN, nearestEye, roomBeside, WHOLE } from "../src/view/room.js";
 
 const TAN = { x: 0.6, y: 0.45 };
 const POINTS = [[40, -12, 90], [-25, 3, 120], [0, 30, 70], [12, -30, 100]];
@@ -48,4 +48,18 @@ test("where hardly any room is left, panels at the top are looked past, and butt
   const room = roomBeside(VIEW, [box(300, 50, 600, 290), box(300, 360, 600, 290)]);
   assert.equal(room.top, MARGIN);
   assert.ok(room.bottom > -0.5 && room.top - room.bottom > 1);
+});
+
+test("a box that is told of something lies nearest to where it is wanted, on nothing else, and within the picture", () => {
+  const view = { ...VIEW, right: 1200, bottom: 650 }, wanted = box(100, 300, 200, 80);
+  const places = [[], [box(90, 290, 300, 60)], [box(0, 50, 1200, 290), box(0, 520, 1200, 130)], [box(-20, 200, 900, 300)]];
+  for (const taken of places) {
+    const [left, top] = freePlace(wanted, taken, view), found = box(left, top, 200, 80);
+    assert.ok(left >= view.left && top >= view.top && found.right <= view.right && found.bottom <= view.bottom);
+    for (const each of taken) assert.ok(left >= each.right || found.right <= each.left || top >= each.bottom || found.bottom <= each.top);
+  }
+  assert.deepEqual(freePlace(wanted, [], view), [100, 300]);
+  assert.deepEqual(freePlace(wanted, [box(100, 310, 50, 300)], view), [156, 300], "beside is nearer than above");
+  assert.deepEqual(freePlace(box(-50, 640, 200, 80), [], view), [0, 570], "what reaches beyond the picture is brought in");
+  assert.equal(freePlace(wanted, [box(0, 50, 1200, 600)], view), null);
 });

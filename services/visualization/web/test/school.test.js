@@ -6,11 +6,13 @@ import { test } from "node:test";
 import { setLanguage, said, t } from "../src/school/i18n.js";
 import { packed, unpacked } from "../src/school/keeper.js";
 import { cost, measured, MISTAKES, what } from "../src/school/sentences.js";
-import { Track } from "../src/school/track.js";
+import { apart, inRows, steps, Track } from "../src/school/track.js";
 
 const folders = ["school", "settings"].map((name) => new URL(`../src/${name}/`, import.meta.url));
-const german = Object.assign({}, ...folders.map((folder) => JSON.parse(readFileSync(new URL("words.de.json", folder), "utf8"))));
-const shown = ["school", "settings", "view", "attempt", "hands", "dashboard"].map((name) => new URL(`../src/${name}/`, import.meta.url));
+const read = (place) => JSON.parse(readFileSync(place, "utf8"));
+const answers = read(new URL("../../../messages/answers.de.json", import.meta.url));
+const german = Object.assign({ ...answers }, ...folders.map((folder) => read(new URL("words.de.json", folder))));
+const shown = ["school", "settings", "view", "attempt", "hands", "dashboard", "xr"].map((name) => new URL(`../src/${name}/`, import.meta.url));
 const sources = shown.flatMap((folder) => readdirSync(folder).filter((each) => each.endsWith(".js")).map((name) => [name, readFileSync(new URL(name, folder), "utf8")]));
 
 test("every sentence of the page that asks for it has a German one, with the same values", () => {
@@ -22,6 +24,22 @@ test("every sentence of the page that asks for it has a German one, with the sam
       assert.equal(values(german[key]), values(key), key);
     }
   }
+});
+
+// Texts of two words or more that a file of the page holds, in quotes or between backticks, without names of classes and selectors.
+function sentencesOf(source) {
+  const code = source.replace(/(^|\s)\/\/.*$/gm, "$1");
+  const found = [...code.matchAll(/(className(?::| =) )?"((?:[^"\\\n]|\\.)*)"|`((?:[^`\\]|\\.)*)`/g)].map(([, isClass, quoted, template]) => (isClass ? "" : quoted ?? template.replace(/\$\{[^}]*\}/g, " # ")));
+  return found.filter((text) => /[A-Za-z“]{2,}[,;:.]? [a-z]+/.test(text) && !/[#.[:]\w+[ ,>)\]]|\)\s|^on |^action |^\(/.test(text.replace(/#token=…/g, "")));
+}
+
+test("every text of two words or more is one that has a German one, whoever shows it", () => {
+  const engineers = ["dashboard.js", "tables.js", "format.js", "stream.js", "charts.js", "heat.js", "replay.js"]; // of the dashboard, and a command for a shell
+  const main = ["main.js", "command.js"].map((name) => [name, readFileSync(new URL(`../src/${name}`, import.meta.url), "utf8")]);
+  const found = [...sources, ...main].filter(([name]) => !engineers.includes(name)).flatMap(([name, source]) => sentencesOf(source).map((text) => [name, text]));
+  assert.ok(found.length > 150, `${found.length}`);
+  assert.deepEqual(found.filter(([, text]) => !german[text]).map(String), []);
+  assert.deepEqual(sentencesOf('say("nobody has said this yet"); // but not this one\n go(`this of ${n} neither`)'), ["nobody has said this yet", "this of  #  neither"]);
 });
 
 // Figures, names, and what is the same in both languages.
@@ -81,4 +99,22 @@ test("everything shown on the settings' devices passes through a translation", (
       assert.ok(/\b(?:t|said|toldOf)\(/.test(value) || /^(?:words|steps\[done\]\.ask)$/.test(value.trim()), `${name}: ${whole}`);
     }
   }
+});
+
+test("an axis has a few round numbers, and whole ones where only those mean anything", () => {
+  const near = (found, wanted) => assert.ok(found.length === wanted.length && found.every((each, i) => Math.abs(each - wanted[i]) < 1e-9), `${found}`);
+  near(steps(0, 293, 3), [0, 100, 200]);
+  near(steps(-0.4, 1.7, 3), [0, 1]);
+  near(steps(0, 0.034, 3), [0, 0.02]);
+  near(steps(1, 2, 6, true), [1, 2]);
+  near(steps(1, 31, 6, true), [5, 10, 15, 20, 25, 30]);
+});
+
+test("words beside lines of a chart lie in short rows, none on another, and none below the chart", () => {
+  assert.deepEqual(inRows("goal"), ["goal"]);
+  assert.deepEqual(inRows("not acceptable above"), ["not acceptable", "above"]);
+  const lines = [{ y: 10, rows: ["a", "b"] }, { y: 12, rows: ["c"] }, { y: 95, rows: ["d", "e"] }];
+  const placed = apart(lines, (y) => y, 100, 12).map(({ y }) => y);
+  for (const [i, y] of placed.entries()) assert.ok(i === 0 || y - placed[i - 1] >= 12 - 1e-9, `${placed}`);
+  assert.ok(placed.at(-1) <= 100);
 });

@@ -5,7 +5,7 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 
 import { nearestEnd, onLine, Picks } from "./picks.js";
 
-const COLOURS = { mouth: "#1b7f3b", held: "#b3261e", free: "#666666", port: "#30507f", goal: "#c77700" };
+const COLOURS = { mouth: "#2c9a52", held: "#d0443a", free: "#8a8a8a", port: "#4f7fc4", goal: "#d98a1a" };
 const CLICK_PX = 4; // a mouse that moved further was turning the duct
 const CATHETER_MM = 40;
 
@@ -25,12 +25,19 @@ function say(text, refused = false) {
   $("said").className = refused ? "refused" : "";
 }
 
+const DARK = "#050303", LIGHT = "#e9edf1"; // behind the duct: as the other pages' grounds
+
 class Stage {
   constructor(canvas) {
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
     this.scene = new THREE.Scene();
-    this.scene.background = new THREE.Color("#f4f1ee");
+    const isDark = matchMedia("(prefers-color-scheme: dark)"), paint = () => (this.scene.background = new THREE.Color(isDark.matches ? DARK : LIGHT));
+    isDark.addEventListener("change", () => {
+      paint();
+      this.draw();
+    });
+    paint();
     this.camera = new THREE.PerspectiveCamera(30, 1, 1, 5000);
     this.camera.up.set(0, 0, 1); // the head
     this.scene.add(new THREE.HemisphereLight("#ffffff", "#998877", 2.2));
@@ -53,7 +60,7 @@ class Stage {
     });
     this.wall = new THREE.Mesh(geometry, material);
     this.scene.add(this.wall);
-    for (const line of duct.lines_mm) this.scene.add(segment(line, "#333333"));
+    for (const line of duct.lines_mm) this.scene.add(segment(line, "#5f6b76"));
     geometry.computeBoundingSphere();
     const { center, radius } = geometry.boundingSphere;
     this.radius = radius;
@@ -185,7 +192,7 @@ class Page {
         cell.append(content);
         row.append(cell);
       }
-      row.style.color = COLOURS[kind];
+      row.style.setProperty("--mark", COLOURS[kind]);
       return row;
     }));
     const { goal } = this.duct;

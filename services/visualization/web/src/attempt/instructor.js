@@ -1,7 +1,7 @@
 // The instructor's face: live phase and errors, the attempts so far, and the controls that need the token.
 
 import { element, Rows, text } from "../dashboard/rows.js";
-import { t } from "../school/i18n.js";
+import { said, t } from "../school/i18n.js";
 import { clock, errorList, headline, mm, notCounted, PHASES, scoreWords } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
@@ -11,9 +11,9 @@ export class Instructor {
   constructor(orders) {
     this.orders = orders;
     this.attempts = new Map();
-    this.phases = Object.entries(PHASES).map(([code, words]) => element("li", { textContent: `${code} ${words}` }));
+    this.phases = Object.values(PHASES).map((words) => element("li", { textContent: t(words) }));
     $("phases").append(...this.phases);
-    this.errors = new Rows($("attempt-errors"), () => element("li"), (row, { code, words, count }) => text(row, `${code} ${words}${count > 1 ? ` ×${count}` : ""}`));
+    this.errors = new Rows($("attempt-errors"), () => element("li"), (row, { words, count }) => text(row, counted(words, count)));
     this.rows = new Rows($("attempts"), () => element("tr", {}, ...Array.from({ length: 5 }, () => element("td"))), showAttempt);
     this.buttons = [...document.querySelectorAll("#instructor [data-order]")];
     for (const button of this.buttons) button.onclick = () => orders.ask(button.dataset.order, Number(button.dataset.value ?? 0));
@@ -27,7 +27,7 @@ export class Instructor {
     this.admitted = Boolean(token);
     for (const control of [...this.buttons, $("pause"), $("slow")]) control.disabled = !token;
     this.admitSwitch();
-    $("instructor-said").textContent = token ? "" : "To command the attempt, open the address that trocar up printed, with its #token=….";
+    $("instructor-said").textContent = token ? "" : t("To command the attempt, open the address that trocar up printed, with its #token=….");
   }
 
   say(words, ok) {
@@ -53,9 +53,9 @@ export class Instructor {
     if (!attempt) return;
     const { mark, words, more } = headline(attempt);
     text($("instructor-state"), `${mark} ${words}${more ? `: ${more}` : ""}`);
-    text($("instructor-figures"), `${clock(attempt.time_s)} · ${mm(attempt.depth_m)} · ${attempt.bookmarks_s.length} bookmarks${attempt.score >= 0 ? ` · ${scoreWords(attempt)}` : ""}`);
+    text($("instructor-figures"), `${clock(attempt.time_s)} · ${mm(attempt.depth_m)} · ${t("{n} bookmarks", { n: attempt.bookmarks_s.length })}${attempt.score >= 0 ? ` · ${scoreWords(attempt)}` : ""}`);
     text($("instructor-not"), notCounted(attempt));
-    text($("instructor-scenario"), attempt.scenario ? `${attempt.scenario}: ${attempt.title}` : attempt.title);
+    text($("instructor-scenario"), attempt.scenario ? `${attempt.scenario}: ${said(attempt.title)}` : said(attempt.title));
     for (const [i, code] of Object.keys(PHASES).entries()) this.phases[i].classList.toggle("now", code === attempt.phase);
     text($("phase-none"), attempt.phase || attempt.state === "armed" ? "" : t("Nobody judges phases in this rig."));
     this.errors.update(errorList(attempt.errors), ({ code }) => code);
@@ -77,13 +77,15 @@ export class Instructor {
   }
 }
 
+const counted = (words, count) => (count > 1 ? `${words} ×${count}` : words);
+
 function nearestPace(pace) {
   return 1 / 2 ** Math.min(5, Math.max(0, Math.round(-Math.log2(pace))));
 }
 
 function showAttempt(row, { number, state, outcome, time_s: time, depth_m: depth, errors, counts }) {
-  const wrong = errorList(errors).map(({ code, count }) => (count > 1 ? `${code}×${count}` : code)).join(" ");
-  const cells = [number, `${outcome || state}${counts ? "" : " *"}`, clock(time), mm(depth), wrong || "–"];
+  const wrong = errorList(errors), count = wrong.reduce((sum, each) => sum + each.count, 0);
+  const cells = [number, `${t(outcome || state)}${counts ? "" : " *"}`, clock(time), mm(depth), count || "–"];
   cells.forEach((value, i) => text(row.children[i], String(value)));
-  row.title = counts ? "" : "does not count";
+  row.title = [counts ? "" : t("does not count"), ...wrong.map(({ words, count }) => counted(words, count))].filter(Boolean).join("; ");
 }

@@ -14,7 +14,7 @@ export class Orders {
     return this.post("api/attempt", JSON.stringify({ what, value }));
   }
 
-  // Returns what the rig answered: whether it does it, and its sentence.
+  // Returns what the rig answered: whether it does it, and its sentence, in the language chosen.
   async post(address, body) {
     if (!this.token) return this.say("Open the address that trocar up printed, with its #token=…, to do that.", false);
     try {
@@ -26,8 +26,9 @@ export class Orders {
     }
   }
 
-  say(text, ok) {
-    this.onSaid(said(text), ok);
+  say(sentence, ok) {
+    const text = said(sentence);
+    this.onSaid(text, ok);
     return { text, ok };
   }
 }

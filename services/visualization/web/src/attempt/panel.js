@@ -16,7 +16,7 @@ export class AttemptPanel {
 
   admit(token) {
     $("attempt-again").disabled = !token;
-    $("attempt-again").title = token ? "Put everything back to its start (B)" : "Open the address that trocar up printed, with its #token=…";
+    $("attempt-again").title = t(token ? "Put everything back to its start (B)" : "Open the address that trocar up printed, with its #token=….");
   }
 
   // The force (N) beyond which the page asks the hand for less; null if there is none.
@@ -61,7 +61,7 @@ export class AttemptPanel {
     $("depth").dataset.reached = goal && depth >= goal ? (most && depth > most ? "beyond" : "yes") : "no";
     text($("depth-value"), mm(depth));
     $("depth").setAttribute("aria-valuenow", (1000 * depth).toFixed(1));
-    $("depth").setAttribute("aria-valuetext", goal ? `${mm(depth)} of ${mm(goal)}` : mm(depth));
+    $("depth").setAttribute("aria-valuetext", goal ? t("{depth} of {goal}", { depth: mm(depth), goal: mm(goal) }) : mm(depth));
   }
 
   drawScale(goal, most, end) {

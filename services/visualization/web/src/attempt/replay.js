@@ -1,7 +1,7 @@
 // Replay of a recording's pictures: its time and its controls. A report's marks lead to a moment (#replay=FILE&at=SECOND).
 
 import { text } from "../dashboard/rows.js";
-import { t } from "../school/i18n.js";
+import { said, t } from "../school/i18n.js";
 import { clock } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
@@ -15,8 +15,8 @@ export function momentOf(hash) {
 
 // The sentence on how to see a moment that this rig cannot show.
 export function howToSee({ file, at }, shown) {
-  const now = shown ? `This page shows ${shown}.` : "This rig works, and shows no recording.";
-  return `${now} To see second ${at.toFixed(1)} of ${file}: end it, and run`;
+  const now = shown ? t("This page shows {shown}.", { shown }) : t("This rig works, and shows no recording.");
+  return `${now} ${t("To see second {at} of {file}: end it, and run", { at: at.toFixed(1), file })}`;
 }
 
 // Quotes a name for a shell.
@@ -39,7 +39,7 @@ export class ReplayBar {
   async ask(line) {
     try {
       const answer = await fetch("api/replay", { method: "POST", headers: { "X-Trocar-Replay": "1" }, body: line });
-      if (!answer.ok) text($("replay-time"), (await answer.json()).error);
+      if (!answer.ok) text($("replay-time"), said((await answer.json()).error));
     } catch {
       // the link says that nobody is there
     }
@@ -66,7 +66,7 @@ export class ReplayBar {
     if (!replay) return;
     const { place_s: place, length_s: length, halted, rate, loop } = replay;
     text($("replay-file"), replay.file);
-    text($("replay-time"), `${clock(place)}.${Math.floor((place * 10) % 10)} of ${clock(length)}`);
+    text($("replay-time"), `${clock(place)}.${Math.floor((place * 10) % 10)} ${t("of {time}", { time: clock(length) })}`);
     text($("replay-halt"), halted ? t("Play") : t("Halt"));
     $("replay-loop").setAttribute("aria-pressed", loop);
     $("replay-place").max = length.toFixed(2);

@@ -55,5 +55,5 @@ export function holding(held) {
 
 export function errorList(errors) {
   const codes = Object.keys(errors ?? {}).filter((code) => errors[code] > 0).sort((a, b) => a.slice(1) - b.slice(1));
-  return codes.map((code) => ({ code, words: ERRORS[code] ?? "error", count: errors[code] }));
+  return codes.map((code) => ({ code, words: t(ERRORS[code] ?? "error"), count: errors[code] }));
 }

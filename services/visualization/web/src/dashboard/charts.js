@@ -6,6 +6,9 @@ import { force, known, share, us } from "./format.js";
 const SECONDS = 120;
 export const COLOURS = ["#56c5b4", "#6ba8e5", "#eab54d", "#f0695a", "#b79cf2", "#8fd16a", "#d98cc0"];
 const css = (name) => () => getComputedStyle(document.documentElement).getPropertyValue(name);
+// On an axis of more than a decade or two, lines at all of its round numbers become a grey field: those of decades are left.
+const DENSE = 30;
+const decades = (u, values) => (values.length && values.at(-1) / values[0] > DENSE ? values.map((v) => (Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6 ? v : null)) : values);
 const AXIS = { stroke: css("--muted"), grid: { stroke: css("--rule"), width: 1 }, ticks: { show: false }, font: "11px system-ui", size: 52 };
 const TIME = { ...AXIS, size: 24, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t.toFixed(0)} s`)) };
 
@@ -26,7 +29,7 @@ function limitLine(value, label) {
     ctx.stroke();
     ctx.font = `${11 * devicePixelRatio}px system-ui`;
     ctx.textAlign = "left";
-    ctx.fillText(label(limit), left + 6, y - 4);
+    ctx.fillText(label(limit), left + 6, y - 5 * devicePixelRatio);
     ctx.restore();
   };
 }
@@ -36,7 +39,7 @@ export class TimeChart {
   constructor(parent, names, { floor, ceiling, top = Infinity, format, limit, limitLabel }) {
     this.parent = parent;
     this.floor = floor;
-    const axis = { ...AXIS, values: (_, ticks) => ticks.map((v) => (v === null ? "" : format(v))) };
+    const axis = { ...AXIS, grid: { ...AXIS.grid, filter: decades }, values: (_, ticks) => ticks.map((v) => (v === null ? "" : format(v))) };
     const y = {
       distr: 3,
       range: (u) => {

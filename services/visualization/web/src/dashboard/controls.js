@@ -1,6 +1,7 @@
 // Arm and safe stop. The session's token is in the address that `trocar up` prints, after #token=, which browsers never send.
 
 import { order, unanswered } from "../command.js";
+import { said, t } from "../school/i18n.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -20,12 +21,12 @@ export class Controls {
 
   readAddress() {
     this.token = new URLSearchParams(location.hash.slice(1)).get("token");
-    const why = "Open the address that trocar up printed, with its #token=…, to command the rig.";
+    const why = t("Open the address that trocar up printed, with its #token=…, to command the rig.");
     for (const id in COMMANDS) {
       $(id).disabled = !this.token;
       $(id).title = this.token ? "" : why;
     }
-    $("safe-stop").title ||= "Let both arms go limp (Escape)";
+    $("safe-stop").title ||= t("Let both arms go limp (Escape)");
     this.say("");
     this.onToken(this.token);
   }
@@ -35,11 +36,11 @@ export class Controls {
     try {
       const answer = await fetch(path, order(this.token));
       const refusal = answer.status === 401 || answer.status === 403
-        ? "The rig did not accept this page's token; open the address that trocar up printed."
-        : (await answer.json().catch(() => null))?.error ?? `The rig answered with status ${answer.status}.`;
+        ? t("The rig did not accept this page's token; open the address that trocar up printed.")
+        : said((await answer.json().catch(() => null))?.error) || t("The rig answered with status {status}.", { status: answer.status });
       this.say(answer.ok ? "" : refusal);
     } catch (error) {
-      this.say(unanswered(error, "The supervisor is not reachable: nothing was commanded."));
+      this.say(said(unanswered(error, "The supervisor is not reachable: nothing was commanded.")));
     } finally {
       button.disabled = false;
     }

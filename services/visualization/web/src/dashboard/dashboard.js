@@ -4,6 +4,7 @@ import { COLOURS, forceChart, latencyChart, missChart } from "./charts.js";
 import { givenUp, known, percent, us } from "./format.js";
 import { HeatMap } from "./heat.js";
 import { element, Rows, text } from "./rows.js";
+import { said, t } from "../school/i18n.js";
 import { Budget, Events, Judge, Processes, Realtime, Stages, Threads, Topics } from "./tables.js";
 
 const $ = (id) => document.getElementById(id);
@@ -110,7 +111,7 @@ export class Dashboard {
     this.topics.update(state.topics ?? []);
     this.judge.update(state.judge);
     $("start-notice").hidden = !state.start_notice;
-    text($("start-notice"), state.start_notice ?? "");
+    text($("start-notice"), said(state.start_notice ?? ""));
     this.events.update(state.events ?? []);
     this.paths.update((state.paths ?? []).map((path) => path.name), FIRST_PATH);
     this.loops.update(Object.keys(state.heat ?? {}), "gateway");
@@ -122,11 +123,11 @@ export class Dashboard {
 
   showRig(state) {
     const badge = $("rig-badge");
-    text(badge, state.safe_stop ? "SAFE STOP" : label(state.state).toUpperCase());
+    text(badge, t(state.safe_stop ? "safe stop" : label(state.state)).toUpperCase());
     badge.dataset.state = state.safe_stop ? "safe_stop" : state.state;
     if ($("rig-reason").dataset.own) return;
-    text($("rig-reason"), [state.reason, givenUp(state)].filter(Boolean).join(" · "));
-    $("rig-reason").title = state.reason ?? "";
+    text($("rig-reason"), [said(state.reason), givenUp(state)].filter(Boolean).join(" · "));
+    $("rig-reason").title = said(state.reason ?? "");
   }
 
   path() {

@@ -1,5 +1,7 @@
 // Numbers as people read them. Unknown is a dash.
 
+import { said, t } from "../school/i18n.js";
+
 export const known = (x) => typeof x === "number" && Number.isFinite(x);
 
 export function us(x) {
@@ -71,6 +73,7 @@ export function startTold(state) {
   if (state.state !== "starting") return "";
   const begun = (state.processes ?? []).filter((process) => process.start?.[1] > 0).map(({ name, start }) => ({ name, stage: start[0], share: start[1] }));
   const slowest = begun.sort((a, b) => a.share - b.share)[0];
-  const now = slowest ? `${slowest.name} ${Math.floor(100 * slowest.share)} %, ${slowest.stage}` : "The rig is starting";
-  return state.start_notice ? `${state.start_notice[0].toUpperCase()}${state.start_notice.slice(1)}. ${now}` : now;
+  const now = slowest ? `${slowest.name} ${Math.floor(100 * slowest.share)} %, ${said(slowest.stage)}` : t("The rig is starting");
+  const notice = said(state.start_notice);
+  return notice ? `${notice[0].toUpperCase()}${notice.slice(1)}. ${now}` : now;
 }

@@ -1,6 +1,8 @@
 // Axes and buttons of a gamepad: when each was last reported, where it rests, and how far it is pushed.
 // The same model as services/gateway/hands/input_axis.py, which says why; both are held to test/axis.json. Times in ms.
 
+import { t } from "../school/i18n.js";
+
 export const REST_MS = 250, PATIENCE_MS = 2000, DEAD = 0.12;
 const STILL = 0.06, MIDDLE = 0.2, END = 0.1, HELD_MS = 1000, CENTRED = 0.05, DRIFT_MS = 1000, PRESSED = 0.2;
 
@@ -57,8 +59,8 @@ export class Axis {
   problem(now) {
     const isEarly = this.began === null || now - this.began < PATIENCE_MS;
     if (isEarly || this.middle !== null || this.end !== null || !(this.high > this.low)) return "";
-    const share = `${(100 * this.share(this.raw)).toFixed(0)} % of its way`;
-    return this.isAtRest(now) ? `rests at ${share}, neither in its middle nor at an end` : `never rests, and is at ${share}`;
+    const share = (100 * this.share(this.raw)).toFixed(0);
+    return this.isAtRest(now) ? t("rests at {share} % of its way, neither in its middle nor at an end", { share }) : t("never rests, and is at {share} % of its way", { share });
   }
 
   pressed() {
@@ -138,6 +140,6 @@ export class Button {
   }
 
   problem(now) {
-    return this.began === null || now - this.began < PATIENCE_MS || this.wasReleased ? "" : "has been held down from the start";
+    return this.began === null || now - this.began < PATIENCE_MS || this.wasReleased ? "" : t("has been held down from the start");
   }
 }

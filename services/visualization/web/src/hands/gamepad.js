@@ -1,6 +1,7 @@
 // A gamepad as two hands: sticks move, shoulder buttons raise, pressed sticks lower, the cross and the buttons opposite
 // turn, triggers close the jaws; it rumbles with force. Nothing counts before it was seen at rest (axis.js).
 
+import { t } from "../school/i18n.js";
 import { Axis, Button, DEAD } from "./axis.js";
 
 const MM_PER_S = 25, RAD_PER_S = 1.2, RUMBLE_MS = 120;
@@ -42,10 +43,10 @@ class Pad {
 
   // What of it does not count, and why.
   problems(now) {
-    const found = this.axes.map((axis, i) => [STICKS[i], axis.problem(now) || (axis.end !== null && axis.middle === null ? "rests at an end" : "")]);
-    found.push(...this.buttons.map((button, i) => [TRIGGERS.includes(i) ? "a trigger" : `button ${i}`, button.problem(now)]));
+    const found = this.axes.map((axis, i) => [t(STICKS[i]), axis.problem(now) || (axis.end !== null && axis.middle === null ? t("rests at an end") : "")]);
+    found.push(...this.buttons.map((button, i) => [TRIGGERS.includes(i) ? t("a trigger") : t("button {i}", { i }), button.problem(now)]));
     const told = found.filter(([, why]) => why).map(([what, why]) => `${what} ${why}`);
-    return told.length ? [`“${this.id}” is not used in part: ${told.join(", ")}: let go of it.`] : [];
+    return told.length ? [t("“{pad}” is not used in part: {told}: let go of it.", { pad: this.id, told: told.join(", ") })] : [];
   }
 }
 
@@ -60,8 +61,8 @@ export class Gamepads {
   read(seconds, now, pads = navigator.getGamepads?.() ?? []) {
     const all = [...pads].filter((each) => each?.connected), used = all.find((each) => each.mapping === "standard");
     this.ignored = all.filter((each) => each !== used).map((each) => (each.mapping === "standard"
-      ? `“${each.id}” is not used: one pad moves both hands, and “${used.id}” does.`
-      : `“${each.id}” is not used: this browser does not know its layout, so its axes have no meaning. The rig file “gamepad” reads it.`));
+      ? t("“{pad}” is not used: one pad moves both hands, and “{other}” does.", { pad: each.id, other: used.id })
+      : t("“{pad}” is not used: this browser does not know its layout, so its axes have no meaning. The rig file “gamepad” reads it.", { pad: each.id })));
     if (!used) return (this.pad = null);
     if (this.pad?.id !== (used.id ?? "") || this.index !== used.index) [this.pad, this.index] = [new Pad(used), used.index];
     this.pad.look(used, now);

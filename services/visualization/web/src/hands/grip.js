@@ -1,5 +1,6 @@
 // One hand of a person: the position, roll and opening that it commands to the jaws, or the tip, of its tool.
 
+import { t } from "../school/i18n.js";
 import { add, atDepth, jawsAt, junctionAt, leashed, length, sub } from "./motion.js";
 
 const MM = 1000;
@@ -21,10 +22,10 @@ export class Grip {
 
   // How a person moves the tool, with a mouse or with fingers.
   hint(fingers) {
-    const [drag, lift, click, other] = fingers
-      ? ["Drag to move", "a second finger up or down to lift", "tap to close", "the button is for the other hand"]
-      : ["Drag or arrows move", "wheel or W, S lift", "click or Space closes", "Tab is for the other hand"];
-    return this.hasJaws ? `${drag} the jaws, ${lift}, ${click} them; ${other}.` : `${drag} the tip, ${lift} it; ${other}.`;
+    if (fingers && this.hasJaws) return t("Drag to move the jaws, a second finger up or down to lift, tap to close them; the button is for the other hand.");
+    if (fingers) return t("Drag to move the tip, a second finger up or down to lift it; the button is for the other hand.");
+    if (this.hasJaws) return t("Drag or arrows move the jaws, wheel or W, S lift, click or Space closes them; Tab is for the other hand.");
+    return t("Drag or arrows move the tip, wheel or W, S lift it; Tab is for the other hand.");
   }
 
   // Moves the jaws by (3,) millimetres; returns by how much they moved.

@@ -1,13 +1,14 @@
 // Tells of a mistake while it happens: in words at its place in the picture, with a sound, once. Shows an example's hands on demand.
 
 import { element, text } from "../dashboard/rows.js";
+import { covering, freePlace } from "../view/room.js";
 import { how, MISTAKES, what } from "./sentences.js";
 import { t } from "./i18n.js";
 import { Track } from "./track.js";
 
 const $ = (id) => document.getElementById(id);
 const SHOWN_MS = 5000, SAME_MS = 4000, BEEP_S = 0.16, BEEP_HZ = 392;
-const STRONGEST = 0.55;
+const STRONGEST = 0.55, MOST = 3, EDGE = 6; // mistakes at once, and pixels to the edge of the picture
 
 export class Coach {
   // view(): as it is now; school: who is asked for an example
@@ -62,18 +63,22 @@ export class Coach {
     box.style.left = `${x}%`;
     box.style.top = `${y}%`;
     $("mistakes").append(box);
-    this.keepClear(box);
-    while ($("mistakes").children.length > 3) $("mistakes").firstChild.remove();
+    while ($("mistakes").children.length > MOST || !this.keepClear(box)) $("mistakes").firstChild.remove();
     setTimeout(() => box.remove(), SHOWN_MS);
     beep();
   }
 
-  // Below the task and the forces, which have to be read meanwhile.
+  // Beside the task, the forces, the buttons and other mistakes, which have to be read meanwhile. Returns false where an older
+  // mistake has to make room for it.
   keepClear(box) {
-    const view = $("view").getBoundingClientRect(), above = document.querySelector(".hud.top").getBoundingClientRect();
-    const least = above.bottom - view.top + 1.1 * box.offsetHeight + 8, isUnder = box.getBoundingClientRect().top < above.bottom;
-    const crosses = box.getBoundingClientRect().left < above.right && box.getBoundingClientRect().right > above.left;
-    if (isUnder && crosses && least < 0.8 * view.height) box.style.top = `${least}px`;
+    const wanted = box.getBoundingClientRect(), others = [...$("mistakes").children].filter((each) => each !== box);
+    const placeOf = (each) => each.getBoundingClientRect(), view = placeOf($("view"));
+    const within = { left: view.left + EDGE, top: view.top + EDGE, right: view.right - EDGE, bottom: view.bottom - EDGE };
+    const names = document.querySelectorAll("#tags span"), found = freePlace(wanted, [...covering(), ...names, ...others].map(placeOf), within);
+    if (!found) return !others.length; // alone it may lie over what is there
+    box.style.left = `${found[0] - view.left + 0.5 * wanted.width}px`;
+    box.style.top = `${found[1] - view.top + 1.1 * wanted.height}px`;
+    return true;
   }
 
   // Where in the picture, in per cent, with room for the words.

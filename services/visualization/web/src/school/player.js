@@ -36,7 +36,7 @@ export class Player {
     this.screens.forEach(({ stage }) => stage.renderer.dispose());
     this.screens = tracks.map((track, i) => this.screen(track, names[i]));
     this.place.max = Math.max(0.01, ...tracks.map((track) => track.length)).toFixed(2);
-    this.drawTracks(report);
+    this.drawTracks(report, names.length > 1 ? names[0] : "");
     this.go(0);
   }
 
@@ -111,7 +111,8 @@ export class Player {
     this.canvases.replaceChildren();
   }
 
-  drawTracks(report) {
+  // whose: whose curves they are, where that must be said
+  drawTracks(report, whose) {
     if (!report) return this.below.replaceChildren();
     const { series, limits } = report, zip = (values) => series.time_s.map((x, i) => [x, values[i] ?? 0]);
     const dots = (y) => report.costs.map(({ code, begin_s: x, words }) => ({ x, y, kind: "mistake", words: words ?? code }));
@@ -121,7 +122,7 @@ export class Player {
       chart({ curves: [{ points: zip(series.inserted_mm), kind: "c0" }], lines: [{ y: 1000 * report.goal_depth_m, words: t("goal"), kind: "goal" }], dots: dots(0), yWords: t("depth, mm"), xWords: "s", label: t("Depth over time"), onPick: pick }),
       chart({ curves: forces, lines: [{ y: limits.tool_duct, words: t("limit"), kind: "limit" }], dots: dots(0), yWords: t("force, N"), xWords: "s", label: t("Force on each hand over time"), onPick: pick }),
     ];
-    const legend = element("p", { className: "small" }, ...forces.map(({ name }, i) => element("span", { className: `legend-c${i}`, textContent: t(name) })));
+    const legend = element("p", { className: "small" }, whose, ...forces.map(({ name }, i) => element("span", { className: `legend-c${i}`, textContent: t(name) })));
     this.below.replaceChildren(...this.charts, legend);
   }
 }

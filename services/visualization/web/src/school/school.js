@@ -3,9 +3,10 @@
 import { element, text } from "../dashboard/rows.js";
 import { School } from "./client.js";
 import { Coach } from "./coach.js";
-import { LANGUAGES, language, setLanguage, t } from "./i18n.js";
+import { LANGUAGES, language, said, setLanguage, t } from "./i18n.js";
 import { Keeper } from "./keeper.js";
 import { Practice } from "./practice.js";
+import { passesBy } from "./sentences.js";
 import { Sheet } from "./sheet.js";
 
 const $ = (id) => document.getElementById(id);
@@ -109,9 +110,9 @@ export class SchoolPage {
     text($("who"), state.trainee || t("Who are you?"));
     const { next } = state, here = next && next.scenario === this.attempt?.scenario;
     text($("course-now"), state.trainee && next ? `${t(state.course.title)} ${next.number}/${next.of}: ${t(next.title)}` : state.done ? t("Course finished") : "");
-    $("course-now").title = next?.told ?? "";
+    $("course-now").title = next ? passesBy(next) : "";
     this.coach.setMode(next && here ? next.coaching : "full", next?.done ?? 0);
-    text($("school-remark"), state.rest || state.remark || "");
+    text($("school-remark"), said(state.rest || state.remark));
   }
 
   tellMessage(newest) {

@@ -1,6 +1,6 @@
 // What went wrong, as sentences for who did it. Codes are the engineer's.
 
-import { t } from "./i18n.js";
+import { said, t } from "./i18n.js";
 
 // Of each error: what happened, what to do, and where in the picture: at the tip, at the mouth, or at a hand.
 export const MISTAKES = {
@@ -30,6 +30,9 @@ export function measured(value, unit) {
   const [factor, words] = UNITS[unit] ?? [1, unit];
   return `${(factor * value).toPrecision(2).replace(/\.0$/, "")} ${words}`.trim();
 }
+
+// What passes a task, and how far one is.
+export const passesBy = ({ told }) => `${told.map(said).join(", ")}.`;
 
 // What an error cost, in a sentence.
 export function cost({ code, worst, limit, unit, points }) {

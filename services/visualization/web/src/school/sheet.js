@@ -3,7 +3,7 @@
 import { element, text } from "../dashboard/rows.js";
 import { clock } from "../attempt/words.js";
 import { locale, said, t } from "./i18n.js";
-import { cost, what } from "./sentences.js";
+import { cost, passesBy, what } from "./sentences.js";
 import { Player } from "./player.js";
 import { chart, Track } from "./track.js";
 
@@ -65,13 +65,13 @@ export class Sheet {
   buttons(next) {
     const again = element("button", { id: "report-again", className: "action", textContent: t("Once more"), onclick: () => { this.close(); this.onAgain(); } });
     const on = next && element("button", { id: "report-next", className: "action go", textContent: t("Next task: {title}", { title: t(next.title) }), onclick: () => { this.close(); this.onNext(next); } });
-    const told = next ? element("p", { className: "small", textContent: next.told }) : "";
+    const told = next ? element("p", { className: "small", textContent: passesBy(next) }) : "";
     return element("section", { className: "controls" }, on || "", again, told);
   }
 
   costs(report) {
     const list = element("ul", { className: "costs" }, ...report.costs.map((each) => element("li", {},
-      element("button", { className: "jump", textContent: clock(each.begin_s), title: t("See it in the replay"), onclick: () => this.player?.go(Math.max(0, each.begin_s - LEAD_S)) }),
+      element("button", { className: "jump", textContent: clock(each.begin_s), title: t("See it in the replay"), onclick: () => this.jump(each.begin_s - LEAD_S) }),
       element("span", { textContent: each.words }))));
     const none = report.costs.length ? "" : element("p", { textContent: t("Nothing cost points but the time.") });
     return element("section", {}, element("h2", { textContent: t("What cost points") }), list, none);
@@ -115,7 +115,7 @@ export class Sheet {
   ratings(report) {
     const rows = report.notes.filter(({ kind }) => kind !== "course").map(({ kind, by, data }) => {
       const words = kind === "bookmark" ? `${clock(data.at_s)} ${data.words}` : Object.entries(data).map(([name, points]) => `${t(name)} ${points}`).join(", ");
-      const jump = kind === "bookmark" ? element("button", { className: "jump", textContent: clock(data.at_s), onclick: () => this.player?.go(data.at_s) }) : "";
+      const jump = kind === "bookmark" ? element("button", { className: "jump", textContent: clock(data.at_s), onclick: () => this.jump(data.at_s) }) : "";
       return element("li", {}, jump, element("span", { textContent: `${kind.toUpperCase()} (${by}): ${words}` }));
     });
     return rows.length ? element("section", {}, element("h2", { textContent: t("What your instructor says") }), element("ul", { className: "costs" }, ...rows)) : "";
@@ -129,12 +129,18 @@ export class Sheet {
       if (other) tracks.push(await Track.load(this.school, other.attempt_id, other.from_tick));
       this.player?.close();
       this.player = new Player(box, this.view()?.governor?.step ?? { ratio: 1, look: "coarse", shadows: false });
-      this.player.show(tracks, [report.trainee, other?.trainee ?? ""], report);
+      this.player.show(tracks, other ? [report, other].map(named) : [report.trainee], report);
       if (!other && report.source && report.from_tick >= 0) box.querySelector(".player").after(this.goOn(report));
       globalThis.trocar.player = this.player;
     } catch (error) {
       box.replaceChildren(element("p", { className: "message", textContent: error.message }));
     }
+  }
+
+  // Shows a second of the replay, which lies below the report on a narrow screen.
+  jump(second) {
+    this.player?.go(Math.max(0, second));
+    this.player?.canvases.scrollIntoView({ block: "nearest" });
   }
 
   // Own hands go on from the second that is shown.
@@ -172,9 +178,9 @@ export class Sheet {
     const outcome = `${t(row.outcome)}${row.counts ? "" : ` (${t("does not count")})`}${row.examined ? ` · ${t("examination")}` : ""}`;
     const save = row.has_replay ? element("button", { textContent: t("Download"), onclick: () => this.download(row) }) : "";
     const open = element("button", { className: "action", textContent: t("Open"), onclick: () => this.report(row.id) });
-    const seen = element("img", { className: "seen", alt: t("the last picture of the attempt") });
+    const seen = element("img", { className: "seen", hidden: true, alt: t("the last picture of the attempt") });
     this.fill(seen, row.attempt_id);
-    const cells = [tick, seen, new Date(row.began_ns / 1e6).toLocaleString(locale()), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
+    const cells = [tick, seen, when(row.began_ns), said(row.title), outcome, clock(row.time_s), row.total === null ? "–" : row.total.toFixed(0), String(row.errors), open, save];
     return element("tr", {}, ...cells.map((cell, i) => {
       const field = element("td", {}, cell);
       if (HEADS[i]) field.dataset.head = t(HEADS[i]); // shown where a narrow screen has no head above
@@ -185,10 +191,11 @@ export class Sheet {
   async fill(image, attemptId) {
     try {
       const answer = await this.school.ask(`last-picture/${attemptId}`, { raw: true }), reader = new FileReader();
+      image.onload = () => (image.hidden = false);
       reader.onload = () => (image.src = reader.result);
       reader.readAsDataURL(await answer.blob());
     } catch {
-      image.hidden = true; // no page saw its end
+      // no page saw its end
     }
   }
 
@@ -200,7 +207,7 @@ export class Sheet {
   }
 
   async compare([one, other]) {
-    const report = await this.school.ask(`attempts/${one.id}`);
+    const report = { ...(await this.school.ask(`attempts/${one.id}`)), total: one.total };
     for (const each of report.costs) each.words = what(each.code);
     this.show(t("Two attempts at the same second"));
     const left = element("div", { className: "replay-box both" });
@@ -214,18 +221,25 @@ export class Sheet {
   }
 }
 
+export const when = (began_ns) => new Date(began_ns / 1e6).toLocaleString(locale(), { dateStyle: "medium", timeStyle: "short" });
+
+// An attempt beside another one: whose it is, when it was made, and its points.
+function named({ trainee, began_ns: began, total }) {
+  return [trainee, began ? when(began) : "", typeof total === "number" ? t("{points} points", { points: Math.round(total) }) : ""].filter(Boolean).join(" · ");
+}
+
 // The learning curve: score by attempt with the experts' band, and CUSUM of failures.
 export function curveOf({ score, cusum, band, band_of: behind }) {
   if (!score.length) return [element("p", { className: "small", textContent: t("No attempt counts yet.") })];
   const points = score.map((y, i) => [i + 1, y ?? 0]);
   const lines = band ? [{ y: band.mean, words: t("experts' mean"), kind: "goal" }, { y: Math.max(0, band.mean - 2 * band.deviation), words: t("proficient"), kind: "limit" }] : [];
   const dots = points.map(([x, y]) => ({ x, y, kind: "made", words: `${x}: ${Math.round(y)}` }));
-  const found = [chart({ curves: [{ points, kind: "c0" }], lines, dots, xWords: t("attempt"), yWords: t("score"), label: t("Score by attempt") })];
+  const found = [chart({ curves: [{ points, kind: "c0" }], lines, dots, whole: true, xWords: t("attempt"), yWords: t("score"), label: t("Score by attempt") })];
   const told = band ? t("The band is of {n} attempts of experts.", { n: behind }) : t("Nobody's attempts are named as references yet: there is no band.");
   found.push(element("p", { className: "small", textContent: told }));
   if (cusum.values.length > 1) {
     const cleared = [{ y: cusum.alarm, words: t("not acceptable above"), kind: "limit" }];
-    found.push(chart({ curves: [{ points: cusum.values.map((y, i) => [i + 1, y]), kind: "c1" }], lines: cleared, height: 100, xWords: t("attempt"), yWords: "CUSUM", label: t("CUSUM of failures") }));
+    found.push(chart({ curves: [{ points: cusum.values.map((y, i) => [i + 1, y]), kind: "c1" }], lines: cleared, height: 9, whole: true, xWords: t("attempt"), yWords: "CUSUM", label: t("CUSUM of failures") }));
   }
   return found;
 }

@@ -1,5 +1,7 @@
 // The view protocol of services/visualization/codec.py: hello and frames.
 
+import { t } from "../school/i18n.js";
+
 const HEAD_BYTES = 32;
 export const MM = 1000; // the scene is drawn in millimetres
 
@@ -8,7 +10,7 @@ function bytes(base64) {
 }
 
 export function decodeHello(hello) {
-  if (hello.protocol !== "trocar-view/1") throw new Error(`this page does not know the view protocol ${hello.protocol}`);
+  if (hello.protocol !== "trocar-view/1") throw new Error(t("this page does not know the view protocol {version}", { version: hello.protocol }));
   return {
     epoch: hello.epoch,
     scene: hello.scene,

@@ -25,6 +25,22 @@ function bounds(across, points, low, high) {
   return { forward: (to - from) / (high - low), middle: (f) => 0.5 * (from + high * f + to + low * f) };
 }
 
+// What of the page lies over its picture.
+export const covering = () => [...document.querySelectorAll("#attempt, #practice, #tools li, .hud.bottom :is(.hands > *, .replay, .tools)")];
+
+// The place nearest to where a box (left, top, width, height) is wanted at which it lies on none of those taken; null for none in `view`.
+export function freePlace({ left, top, width, height }, taken, view, gap = 6) {
+  const shown = taken.filter((box) => box.width && box.height);
+  const within = (value, low, high) => Math.max(low, Math.min(value, high));
+  const xs = [within(left, view.left, view.right - width), ...shown.flatMap((box) => [box.left - width - gap, box.right + gap])];
+  const ys = [within(top, view.top, view.bottom - height), ...shown.flatMap((box) => [box.top - height - gap, box.bottom + gap])];
+  const isIn = ([x, y]) => x >= view.left && y >= view.top && x + width <= view.right && y + height <= view.bottom;
+  const isFree = ([x, y]) => shown.every((box) => x >= box.right || x + width <= box.left || y >= box.bottom || y + height <= box.top);
+  const away = ([x, y]) => Math.hypot(x - left, y - top);
+  const places = xs.flatMap((x) => ys.map((y) => [x, y])).filter((place) => isIn(place) && isFree(place));
+  return places.length ? places.reduce((best, place) => (away(place) < away(best) ? place : best)) : null;
+}
+
 // The room that boxes of the page leave free in a picture `view`, at the round picture's place in its middle: those above the middle
 // end at its top, the others at its bottom. Where that is hardly any, boxes at the side are looked past, and then those at the top.
 export function roomBeside(view, boxes) {

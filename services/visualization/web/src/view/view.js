@@ -6,17 +6,17 @@ import { force } from "../dashboard/format.js";
 import { colourOfForce } from "./colours.js";
 import { Governor, ladder } from "./governor.js";
 import { Film, nameOf, save } from "./keep.js";
-import { roomBeside } from "./room.js";
+import { covering, roomBeside } from "./room.js";
 import { canvasFor, Stage } from "./stage.js";
 import { FULL, SCALE } from "./strain.js";
 
 const FORCE_FULL_N = 3, NEAR = 0.7; // of the limit: the gauge warns before it is too much
 const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
 const LOOK_MS = 1000;
+const TAG_PX = { width: 60, height: 34 }; // a tool's name, with the way up to it from where the tool is
 const TIMED_EVERY = 10; // of so many pictures one is waited for, to know what it took
 
 const $ = (id) => document.getElementById(id);
-const over = () => [...document.querySelectorAll("#attempt, #tools li, .hud.bottom :is(.hands > *, .replay, .tools)")];
 
 export class View {
   // onTurn(): what else is to be shown in a frame of the page; each frame costs a processor that draws, whatever is in it.
@@ -31,6 +31,7 @@ export class View {
     this.changed = true;
     this.costs = [];
     this.starting = "";
+    this.covered = []; // boxes of the page over the picture, as they were when last looked at
     this.since = performance.now();
     const drawnOn = canvasFor($("scene"));
     ({ canvas: this.canvas, software: this.software } = drawnOn);
@@ -41,7 +42,7 @@ export class View {
       this.say(t("This browser cannot draw in 3-D ({why}). The dashboard works all the same.", { why: error.message }));
       return;
     }
-    this.stage.room = () => roomBeside($("view").getBoundingClientRect(), over().map((each) => each.getBoundingClientRect()));
+    this.stage.room = () => roomBeside($("view").getBoundingClientRect(), covering().map((each) => each.getBoundingClientRect()));
     new ResizeObserver(() => this.resize()).observe($("view"));
     for (const each of document.querySelectorAll(".hud.top, #hands, #replay")) new ResizeObserver(() => this.makeRoom()).observe(each);
     this.resize();
@@ -112,11 +113,11 @@ export class View {
       this.ask(() => this.stage.showStrain(on, this.last));
     });
     $("strain-scale").querySelector("i").style.background = SCALE;
-    $("strain-scale").querySelector("b").textContent = `${100 * FULL} % longer`;
+    $("strain-scale").querySelector("b").textContent = t("{share} % longer", { share: 100 * FULL });
     $("keep-picture").onclick = () => this.keepPicture();
     const film = new Film(this.canvas);
     $("keep-film").disabled = !film.format;
-    $("keep-film").title = film.format ? "Film the view, until pressed again; the file is saved here" : "This browser cannot film";
+    $("keep-film").title = t(film.format ? "Film the view, until pressed again; the file is saved here" : "This browser cannot film");
     toggle($("keep-film"), (on) => {
       if (on) film.begin();
       else film.end();
@@ -229,8 +230,9 @@ export class View {
       const { port, jawLength } = this.stage.layout.tools[i], tag = $("tags").children[i];
       const place = jawsAt([...frame.poses.subarray(7 * i, 7 * i + 3)], port, 0.65 * jawLength), { x, y } = this.stage.pixelOf(place);
       const at = (x - box.left) / box.width, high = (y - box.top) / box.height, isAhead = this.stage.isAhead(place);
-      tag.hidden = !(isAhead && at > 0 && at < 1 && high > 0 && high < 1);
       const beside = Math.max(0, Math.min(x - box.left, box.width - tag.offsetWidth - tag.offsetLeft)); // whole, at the picture's edge
+      const isUnder = this.covered.some(({ left, right, top, bottom }) => beside + box.left < right && beside + box.left + TAG_PX.width > left && y - TAG_PX.height < bottom && y > top);
+      tag.hidden = isUnder || !(isAhead && at > 0 && at < 1 && high > 0 && high < 1);
       tag.style.transform = `translate(${beside.toFixed(0)}px, ${(y - box.top).toFixed(0)}px)`;
       if (Math.abs(at - 0.5) > 0.04 || !row.dataset.side) row.dataset.side = at < 0.5 === isAhead ? "left" : "right";
     });
@@ -279,6 +281,7 @@ export class View {
     this.slow = looked && painted < this.governor.least(offered);
     if (looked && this.governor.look({ now: now / 1000, cost, offered, painted })) this.takeStep();
     this.scaleBar();
+    this.covered = covering().map((each) => each.getBoundingClientRect()).filter(({ width }) => width);
     this.beginAnew();
   }
 
