@@ -139,11 +139,11 @@ class Chromium:
         self.command("Page.navigate", url=address)
 
     def evaluate(self, expression: str) -> Any:
-        """Return what a JavaScript expression, or the promise that it is, comes to. Raises PageLeftError.
+        """Return what JavaScript statements, or the promise that the last one is, come to. Raises PageLeftError.
 
-        An expression waits until its page has been read: a page that reloads itself has no root for a moment.
+        They wait until their page has been read: a page that reloads itself has no root for a moment.
         """
-        in_a_whole_page = f"document.readyState === 'loading' ? {json.dumps(_BEING_READ)} : (\n{expression}\n)"
+        in_a_whole_page = f"if (document.readyState === 'loading') {json.dumps(_BEING_READ)}; else {{\n{expression}\n}}"
         value = _BEING_READ
         end = time.monotonic() + PATIENCE_S
         while value == _BEING_READ:
