@@ -58,6 +58,7 @@ class Composer:
             thickness_m=scene.duct.thickness_m,
             mouth=_nodes(duct, "mouth"),
             clamped=_nodes(duct, "clamped"),
+            neck=scene.duct.incision is not None,
             n_particles=0,
             catheter_radius_m=0.5 * scene.catheter.outer_diameter_m,
             tools=(),

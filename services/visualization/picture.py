@@ -39,6 +39,7 @@ class PictureLayout:
         triangles: (t, 3) int32. Counter-clockwise seen from outside.
         thickness_m: float. Thickness of the wall, half on each side of the mid-surface.
         mouth, clamped: tuple of int. Nodes of the free and the held rim, empty if unnamed.
+        neck: bool. Whether the mouth is the neck of the gallbladder, and the catheter comes in elsewhere.
         bars: tuple of WallBar. What lies on the wall and follows it: the legs of a clip.
         stone_radii_m: tuple of float. Radius of each stone in the duct.
         n_particles: int. Number of particles of the catheter and of the protruding guide wire, the last segments.
@@ -58,6 +59,7 @@ class PictureLayout:
     wire_radius_m: float = 0.0
     bars: tuple[WallBar, ...] = ()
     stone_radii_m: tuple[float, ...] = ()
+    neck: bool = False
 
     def rods(self) -> list[tuple[slice, float]]:
         """Return the ranges of particles of the catheter and of its wire, if any, with their radii."""

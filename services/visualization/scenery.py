@@ -1,4 +1,4 @@
-"""Scenery behind the duct without mechanics: the bed of the liver and the common bile duct."""
+"""Scenery behind the duct without mechanics: the liver's bed, the common bile duct, and the gallbladder at a neck."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from trocar.services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from trocar.services.visualization.normals import vertex_normals
 from trocar.services.visualization.picture import PictureLayout
-from trocar.services.visualization.tissue import COMMON_DUCT, LIVER, Bytes, TissueLook, tissue_colours
+from trocar.services.visualization.tissue import COMMON_DUCT, GALLBLADDER, LIVER, Bytes, TissueLook, tissue_colours
 from trocar.services.visualization.tube import spline, sweep_tube, tube_triangles
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -17,6 +17,9 @@ _BED_M = 0.26  # half of its width
 _BELOW_M = 0.026  # the duct, by eye: shadows fall on it without its bed hiding a tool
 #: Radii of the lens' light on the bed: up to the first it is lit, beyond the second dark.
 _LIT_M, _DARK_M = 0.05, 0.19
+#: The gallbladder: distance from the neck and radius of its places, in radii of the neck.
+_ALONG = (-0.5, 1.0, 2.5, 5.0, 9.0, 14.0, 19.0, 22.0, 23.3, 23.5)
+_WIDE = (1.25, 1.3, 1.9, 2.5, 3.6, 4.7, 4.4, 3.0, 1.3, 0.02)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,7 @@ def scenery(layout: PictureLayout, *, cells: int) -> list[Piece]:
     pieces = [_bed(layout.rest_m, cells)]
     if len(layout.mouth) and len(layout.clamped):
         pieces.append(_common_duct(layout))
+        pieces += [_gallbladder(layout)] if layout.neck else []
     return pieces
 
 
@@ -66,15 +70,34 @@ def _common_duct(layout: PictureLayout) -> Piece:
     across = np.cross(away, _UP)
     across /= np.linalg.norm(across)
     own_mm = 1e3 * float(np.linalg.norm(layout.rest_m[layout.clamped[0]] - held))
-    steps = np.array([-9, -6, -3.6, -1.8, 0, 1.8, 3.6, 6, 9])[:, None]
+    steps = np.array([-11, -9, -6, -3.6, -1.8, 0, 1.8, 3.6, 6, 9, 11])[:, None]
     ahead_mm = 1.08 * own_mm + 0.25 * steps**2 + 0.35 * steps
-    places = held + 1e-3 * (ahead_mm * away + 1.25 * own_mm * steps * across - 0.02 * np.abs(steps) ** 2.9 * _UP)
-    line = spline(places, 8)
-    ring = np.arange(len(line))
+    places = held + 1e-3 * (ahead_mm * away + 1.25 * own_mm * steps * across - 0.02 * np.abs(steps) ** 3.25 * _UP)
+    ring = np.arange(8 * (len(places) - 1) + 1)
     radii = 1.62e-3 * own_mm * (1 + 0.025 * np.sin(0.5 * ring) + 0.02 * np.sin(0.23 * ring + 1.0))
+    return _tube(places, radii, COMMON_DUCT)
+
+
+def _gallbladder(layout: PictureLayout) -> Piece:
+    """Return a pear from the neck on along the duct's axis, sinking into the bed, as the page's (`backdrop.js`)."""
+    held, mouth = (layout.rest_m[list(nodes)].mean(axis=0, dtype=float) for nodes in (layout.clamped, layout.mouth))
+    away = (mouth - held) / np.linalg.norm(mouth - held)
+    across = np.cross(away, _UP)
+    across /= np.linalg.norm(across)
+    own_m = float(np.linalg.norm(layout.rest_m[layout.mouth[0]] - mouth))
+    s = np.array(_ALONG)[:, None]
+    sinks = 4.0 * (1.0 - np.exp(-0.012 * s**2))
+    places = mouth + own_m * (s * away + 0.012 * s * np.maximum(0.0, s) * across - sinks * _UP)
+    wide = np.array([[own_m * each, 0.0, 0.0] for each in _WIDE])
+    return _tube(places, spline(wide, 8)[:, 0], GALLBLADDER)
+
+
+def _tube(places: FloatArray, radii_m: FloatArray, look: TissueLook) -> Piece:
+    """Return the tube through places (n, 3) with the radius of each ring, eight of them from a place to the next."""
+    line = spline(places, 8)
     points_m, normals = np.zeros((2, 40 * len(line), 3), np.float32)
-    sweep_tube(line, radii.astype(np.float32), points_m, normals)
-    return _piece(points_m, tube_triangles(len(line), 40), tissue_colours(points_m, COMMON_DUCT), COMMON_DUCT)
+    sweep_tube(line, radii_m.astype(np.float32), points_m, normals)
+    return _piece(points_m, tube_triangles(len(line), 40), tissue_colours(points_m, look), look)
 
 
 def _piece(points_m: Float32Array, triangles: IntArray, colours: Bytes, look: TissueLook) -> Piece:

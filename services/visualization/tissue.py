@@ -25,6 +25,7 @@ class TissueLook:
 
 DUCT = TissueLook("#b9594f", "#d99a83", "#86283a", 0.7)
 COMMON_DUCT = TissueLook("#8f4238", "#b4785c", "#631c26", 0.7)
+GALLBLADDER = TissueLook("#56695a", "#8f9170", "#6b3030", 0.45)
 LIVER = TissueLook("#4d1c17", "#6b2f23", "#33100f", 0.3, 0.3)
 
 

@@ -10,6 +10,7 @@ import { Dashboard } from "./dashboard/dashboard.js";
 import { startTold } from "./dashboard/format.js";
 import { askRig, RigStream } from "./dashboard/stream.js";
 import { Hands } from "./hands/hands.js";
+import { ScopeHand } from "./hands/scope_hand.js";
 import { translatePage } from "./school/i18n.js";
 import { SchoolPage } from "./school/school.js";
 import { SettingsPage } from "./settings/settings.js";
@@ -59,7 +60,8 @@ const WITHOUT_PICTURE = {
 function makeView() {
   view = new View(() => dashboard.turn(), attempt);
   hands = view.stage ? new Hands(view, controls.token) : null;
-  Object.assign(globalThis.trocar, { view, hands, stereo: addStereo(view, hands) });
+  const scopeHand = view.stage ? new ScopeHand(view, hands) : null;
+  Object.assign(globalThis.trocar, { view, hands, scopeHand, stereo: addStereo(view, hands) });
 }
 
 // Returns where the picture is now, null where nobody answers.
@@ -75,6 +77,7 @@ function follow(rig) {
   if (!stream) return view.say(WITHOUT_PICTURE[rig.viewer]);
   if (!view.stage) return stream.end();
   stream.keeper = school.keeper;
+  school.keeper.eye = () => view.stage?.eye();
   if (stream.hello) school.keeper.setHello(stream.hello);
   view.follow(stream);
   hands.offer(stream, rig.hands ?? []);

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { readdirSync, readFileSync } from "node:fs";
 import { test } from "node:test";
 import { setLanguage, said, t } from "../src/school/i18n.js";
-import { packed, unpacked } from "../src/school/keeper.js";
+import { Keeper, packed, unpacked } from "../src/school/keeper.js";
 import { cost, measured, MISTAKES, what } from "../src/school/sentences.js";
 import { apart, inRows, steps, Track } from "../src/school/track.js";
 
@@ -77,6 +77,23 @@ test("a replay comes back as it was kept", async () => {
   const found = await unpacked(await packed('{"type":"hello"}', frames));
   assert.deepEqual(found.hello, { type: "hello" });
   assert.deepEqual(found.frames.map((each) => [...new Uint8Array(each)]), [[1, 1, 1], [2, 2, 2], [3, 3, 3]]);
+});
+
+test("with the pictures of an attempt it is kept from where they were seen, and a replay finds it", async () => {
+  const sent = [], keeper = new Keeper({ ask: async (_, { body }) => sent.push(body) });
+  const eyes = ["a", "a", "b", "b", null];
+  keeper.setHello('{"type":"hello"}');
+  await keeper.follow({ state: "running", attempt_id: "one" });
+  for (const [i, eye] of eyes.entries()) {
+    keeper.eye = () => eye;
+    keeper.see(new Uint8Array([i]).buffer, 1000 * (i + 1));
+  }
+  await keeper.follow({ state: "done", attempt_id: "one" });
+  const { hello, frames } = await unpacked(sent[0]);
+  assert.equal(frames.length, eyes.length);
+  const track = new Track(null, eyes.map((_, i) => ({ tick: 1000 * i })), 0, hello.seen);
+  assert.deepEqual([0, 1, 2, 3, 4].map((second) => track.eyeAt(second)), ["a", "a", "b", "b", "b"]);
+  assert.equal(new Track(null, [{ tick: 0 }], 0).eyeAt(0), null);
 });
 
 test("a second of an attempt is found by the rig's ticks, and what came before it is before zero", () => {

@@ -105,8 +105,14 @@ export class Hands {
     if (reason) $("hand-hint").textContent = said(reason);
   }
 
+  // While the third hand holds the scope, mouse and keys are its own.
+  rest(on) {
+    this.rests = on;
+    this.pointer.on = this.keys.on = Boolean(this.link) && !on;
+  }
+
   show(on) {
-    this.pointer.on = this.keys.on = on;
+    this.pointer.on = this.keys.on = on && !this.rests;
     this.view.stage.giveLeftButton(on);
     $("hands").classList.toggle("taken", on);
     $("take-hands").textContent = t(on ? "Let go" : "Take the instruments");

@@ -1,4 +1,5 @@
-// Keeps the pictures of an attempt while it is made, and sends them to the school when it has ended: what a replay shows.
+// Keeps the pictures of an attempt while it is made, and from where they were seen, and sends them to the school when it has ended:
+// what a replay shows.
 
 const HZ = 12;
 const MOST_FRAMES = 12 * 600;
@@ -7,12 +8,14 @@ export class Keeper {
   constructor(school) {
     this.school = school;
     this.hello = null;
+    this.eye = () => null; // where the page's eye is, see `Stage.eye`
     this.begin("");
   }
 
   begin(id) {
     this.id = id;
     this.frames = [];
+    this.seen = []; // [frame from which on, eye]
     this.due = 0;
   }
 
@@ -25,6 +28,8 @@ export class Keeper {
   see(buffer, now = performance.now()) {
     if (!this.id || now < this.due || this.frames.length >= MOST_FRAMES) return;
     this.due = Math.max(this.due + 1000 / HZ, now - 1000 / HZ);
+    const eye = this.eye();
+    if (eye && String(eye) !== String(this.seen.at(-1)?.[1])) this.seen.push([this.frames.length, eye]);
     this.frames.push(buffer.slice(0));
   }
 
@@ -33,9 +38,9 @@ export class Keeper {
     if (!attempt) return;
     if (attempt.state === "running" && attempt.attempt_id !== this.id) this.begin(attempt.attempt_id);
     if (attempt.state !== "done" || attempt.attempt_id !== this.id || !this.frames.length) return;
-    const { id, frames, hello } = this;
+    const { id, frames, hello, seen } = this;
     this.begin("");
-    await this.school.ask(`replay/${id}`, { method: "PUT", body: await packed(hello, frames) });
+    await this.school.ask(`replay/${id}`, { method: "PUT", body: await packed(JSON.stringify({ ...JSON.parse(hello), seen }), frames) });
   }
 }
 

@@ -25,8 +25,9 @@ export class Player {
     this.time = element("output", { textContent: "0:00.0" });
     const slower = element("select", { onchange: () => (this.rate = Number(slower.value)) }, ...[0.25, 0.5, 1, 2].map((rate) => element("option", { value: rate, textContent: `× ${rate}`, selected: rate === 1 })));
     slower.setAttribute("aria-label", t("Rate"));
+    this.asSeen = element("button", { textContent: t("As seen"), title: t("Look as the person did who made the attempt"), onclick: () => this.lookAsSeen(this.asSeen.getAttribute("aria-pressed") !== "true") });
     this.below = element("div", { className: "tracks" });
-    box.replaceChildren(this.canvases, element("div", { className: "player" }, this.play, this.place, this.time, slower), this.below);
+    box.replaceChildren(this.canvases, element("div", { className: "player" }, this.play, this.place, this.time, slower, this.asSeen), this.below);
   }
 
   // tracks: of `Track`, with names; the first one's curves are drawn below
@@ -37,6 +38,8 @@ export class Player {
     this.screens = tracks.map((track, i) => this.screen(track, names[i]));
     this.place.max = Math.max(0.01, ...tracks.map((track) => track.length)).toFixed(2);
     this.drawTracks(report, names.length > 1 ? names[0] : "");
+    this.asSeen.hidden = !tracks.some(({ seen }) => seen.length);
+    this.lookAsSeen(false);
     this.go(0);
   }
 
@@ -69,8 +72,21 @@ export class Player {
     if (!frame || screen.draws) return;
     screen.draws = true; // the eye may be moved by what is drawn, which asks for it to be drawn
     screen.stage.update(frame, colourOfForce);
+    const eye = this.seesAs ? screen.track.eyeAt(this.second) : null;
+    if (eye) screen.stage.seeAs(eye);
     screen.stage.draw();
     screen.draws = false;
+  }
+
+  // With the eye that saw it, or from where one turns the view to.
+  lookAsSeen(on) {
+    this.seesAs = on;
+    this.asSeen.setAttribute("aria-pressed", on);
+    for (const screen of this.screens) {
+      screen.stage.controls.enabled = !on;
+      if (!on) screen.stage.lookFrom("scope");
+      this.draw(screen);
+    }
   }
 
   go(second) {

@@ -7,7 +7,9 @@ const NS = "http://www.w3.org/2000/svg";
 const TICK_S = 1e-3;
 
 export class Track {
-  constructor(layout, frames, fromTick) {
+  // seen: from which frame on each eye saw them, as the keeper kept it
+  constructor(layout, frames, fromTick, seen = []) {
+    this.seen = seen;
     this.layout = layout;
     this.frames = frames;
     const first = fromTick >= 0 ? fromTick : frames[0]?.tick ?? 0;
@@ -18,7 +20,7 @@ export class Track {
     const answer = await school.ask(`replay/${attemptId}`, { raw: true });
     const { hello, frames } = await unpacked(await answer.arrayBuffer());
     const layout = decodeHello(hello);
-    return new Track(layout, frames.map((each) => decodeFrame(each, layout)).filter(Boolean), fromTick);
+    return new Track(layout, frames.map((each) => decodeFrame(each, layout)).filter(Boolean), fromTick, hello.seen);
   }
 
   get length() {
@@ -27,13 +29,23 @@ export class Track {
 
   // The picture at a second, the last one before it.
   at(second) {
+    return this.frames[this.index(second)];
+  }
+
+  // From where the picture at a second was seen; null of attempts of which that was not kept.
+  eyeAt(second) {
+    const at = this.index(second);
+    return this.seen.findLast(([from]) => from <= at)?.[1] ?? null;
+  }
+
+  index(second) {
     let low = 0, high = this.times.length - 1;
     while (low < high) {
       const middle = (low + high + 1) >> 1;
       if (this.times[middle] <= second) low = middle;
       else high = middle - 1;
     }
-    return this.frames[low];
+    return low;
   }
 }
 

@@ -1,14 +1,14 @@
 // Light computed at the vertices, for a computer without a graphics processor, to which every pixel's arithmetic counts; three.js has
-// no such material. The lamp is at the eye; sun, sky and mist are the stage's. Tones by Narkowicz's fit of ACES (2016).
+// no such material. The lamp is at the eye and falls off with the square of the distance; sun, sky and mist are the stage's. Tones by Narkowicz's fit of ACES (2016).
 
 import * as THREE from "three";
 
-const LIT = { uSun: { value: new THREE.Vector3() }, uUp: { value: new THREE.Vector3() }, uMist: { value: new THREE.Vector2() }, uFar: { value: new THREE.Color() } };
+const LIT = { uSun: { value: new THREE.Vector3() }, uUp: { value: new THREE.Vector3() }, uMist: { value: new THREE.Vector2() }, uFar: { value: new THREE.Color() }, uLook: { value: 100 } };
 
 const VERTEX = /* glsl */ `
 uniform vec3 uSun, uUp, uFar, uOwn;
 uniform vec2 uMist;
-uniform float uShine;
+uniform float uShine, uLook;
 varying vec3 vTone;
 void main() {
   vec4 place = modelViewMatrix * vec4(position, 1.0);
@@ -16,7 +16,7 @@ void main() {
   #ifdef USE_COLOR
     own *= color;
   #endif
-  float facing = max(dot(n, eye), 0.0), spot = smoothstep(0.73, 0.99, eye.z);
+  float facing = max(dot(n, eye), 0.0), spot = smoothstep(0.73, 0.99, eye.z) * uLook * uLook / dot(place.xyz, place.xyz);
   vec3 light = 2.6 * spot * facing * vec3(1.0, 0.9, 0.79) + 0.9 * max(dot(n, uSun), 0.0) * vec3(1.0, 0.8, 0.68)
     + 0.35 * mix(vec3(0.04, 0.004, 0.003), vec3(1.0, 0.81, 0.72), 0.5 + 0.5 * dot(n, uUp));
   vec3 x = 0.334 * own * light + uShine * spot * pow(facing, 24.0);
@@ -37,8 +37,9 @@ export function gouraud({ color = "#ffffff", vertexColors = false, shine = 0.2, 
   });
 }
 
-// Where sun, sky and mist are, seen from the camera. Before each picture.
-export function lightFrom(camera, sun, mist) {
+// Where sun, sky and mist are, seen from the camera, and how far away it looks. Before each picture.
+export function lightFrom(camera, sun, mist, look) {
+  LIT.uLook.value = look;
   camera.updateMatrixWorld();
   LIT.uSun.value.subVectors(sun.position, sun.target.position).transformDirection(camera.matrixWorldInverse);
   LIT.uUp.value.set(0, 1, 0).transformDirection(camera.matrixWorldInverse);

@@ -19,6 +19,7 @@ export function decodeHello(hello) {
     thickness: hello.duct.thickness_m * MM,
     mouth: hello.duct.mouth,
     clamped: hello.duct.clamped,
+    neck: hello.duct.neck ?? false,
     particles: hello.catheter.n_points,
     rods: rods(hello),
     bars: (hello.bars ?? []).map(({ size_m, ...bar }) => ({ ...bar, size: size_m.map((x) => x * MM) })),

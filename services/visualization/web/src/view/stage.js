@@ -10,6 +10,7 @@ import { lightFrom } from "./gouraud.js";
 import { jawsAt } from "../hands/motion.js";
 import { Lens } from "./lens.js";
 import { nearestEye, WHOLE } from "./room.js";
+import { Scope } from "./scope.js";
 
 // The canvas to draw on, and whether the browser draws on the processor (SwiftShader, llvmpipe), where every pixel counts: then edges
 // are not smoothed, which is settled with the context, and the context is the one that was asked, since making one takes a processor long.
@@ -50,6 +51,8 @@ export class Stage {
     this.controls.addEventListener("start", () => (this.over = null)); // a person looks from elsewhere
     this.room = () => WHOLE; // of the picture, which nothing covers
     this.over = null; // what the eye was placed to see
+    this.scope = this.lastScope = null; // the one that is held, and the one that was
+    this.onScope = () => {}; // called when one is taken or let go of
     this.light();
     this.bodies = new THREE.Group();
     this.lens = new Lens();
@@ -81,7 +84,7 @@ export class Stage {
 
   // A lens with its light beside it, and a weaker second light that throws the shadows.
   light() {
-    this.lamp = new THREE.SpotLight("#fff4e6", 2.6, 0, 0.75, 0.8, 0);
+    this.lamp = new THREE.SpotLight("#fff4e6", 0, 0, 0.75, 0.8, 2);
     this.lamp.position.set(4, 3, 0);
     this.lamp.target.position.set(0, 0, -100);
     this.camera.add(this.lamp, this.lamp.target);
@@ -118,6 +121,8 @@ export class Stage {
     for (const body of [...[...this.bars, ...this.stones].map((body) => body.object), ...this.tools.map((tool) => tool.root), ...[...this.arrows, ...this.rings].map((a) => a.object)]) this.bodies.add(body);
     this.frameBounds(bounds);
     if (first) {
+      this.dropScope();
+      this.lastScope = null;
       this.sideSign = 1;
       this.sided = false;
       this.lookFrom("scope");
@@ -129,12 +134,23 @@ export class Stage {
     this.size = bounds.getSize(new THREE.Vector3()).length();
     this.mouth = mouthCentre ?? bounds.max.clone();
     this.axis = mouthCentre && clampedCentre ? mouthCentre.clone().sub(clampedCentre).normalize() : new THREE.Vector3(1, 0, 0);
+    this.floor = bounds.min.z;
     this.aim = bounds.getCenter(new THREE.Vector3()).lerp(this.mouth, 0.45);
     this.sun.target.position.copy(this.aim);
     this.sun.position.copy(this.aim).add(new THREE.Vector3(25, 60, 110));
   }
 
+  // A camera that is placed takes the place of the scope; the scope's own button puts one that is held back to its start.
   lookFrom(preset) {
+    const held = this.scope !== null;
+    this.dropScope();
+    this.place(preset);
+    if (preset !== "scope") return;
+    this.lastScope = null;
+    if (held) this.holdScope();
+  }
+
+  place(preset) {
     const up = new THREE.Vector3(0, 0, 1);
     const side = new THREE.Vector3().crossVectors(this.axis, up).normalize().multiplyScalar(this.sideSign);
     const s = this.size, aim = this.aim.clone();
@@ -157,6 +173,69 @@ export class Stage {
     if (preset === "scope" && this.jaws) this.lookOver(this.jaws);
   }
 
+  // Gives the picture to a laparoscope: as it was left, or the first time with the look of the preset, its port as high as the others.
+  holdScope() {
+    if (!this.layout || this.scope) return;
+    if (!this.lastScope) {
+      this.place("scope");
+      this.camera.updateMatrixWorld();
+      const [, up, back] = [0, 1, 2].map((i) => new THREE.Vector3().setFromMatrixColumn(this.camera.matrixWorld, i).toArray());
+      const heights = this.layout.tools.map(({ port }) => port[2]), height = Math.max(...heights);
+      this.lastScope = new Scope({ eye: this.camera.position.toArray(), forward: back.map((x) => -x), up }, height, (eye) => this.clearance(eye));
+    }
+    this.over = null;
+    this.scope = this.lastScope;
+    this.controls.enabled = false;
+    this.placeScope();
+    this.onScope();
+  }
+
+  // The eye stays where it is, level again, and turns about what it looks at.
+  dropScope() {
+    if (!this.scope) return;
+    this.scope = null;
+    this.controls.enabled = true;
+    this.camera.up.set(0, 0, 1);
+    this.controls.update();
+    this.onScope();
+  }
+
+  placeScope() {
+    const { eye, right, up, forward } = this.scope.look(), vectors = [right, up, forward.map((x) => -x)];
+    this.camera.position.set(...eye);
+    this.camera.up.set(...up);
+    this.camera.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(...vectors.map((each) => new THREE.Vector3(...each))));
+    this.camera.updateMatrixWorld();
+    const away = Math.max(MOST_NEAR_MM, new THREE.Vector3(...forward).dot(this.aim.clone().sub(this.camera.position)));
+    this.controls.target.copy(this.camera.position).addScaledVector(new THREE.Vector3(...forward), away);
+    this.scopeMoved = true;
+  }
+
+  // How far a place (3,) is from the wall as it is drawn, and from the bed below it.
+  clearance([x, y, z]) {
+    const { positions } = this.duct.wall;
+    let least = (z - this.floor) ** 2 * Math.sign(z - this.floor);
+    for (let i = 0; i < positions.length; i += 3) {
+      least = Math.min(least, (positions[i] - x) ** 2 + (positions[i + 1] - y) ** 2 + (positions[i + 2] - z) ** 2);
+    }
+    return Math.sign(least) * Math.sqrt(Math.abs(least));
+  }
+
+  // Where the eye is, in millimetres, how it is turned (quaternion xyzw), and how far away it looks.
+  eye() {
+    const { position, quaternion } = this.camera, kept = (x, steps) => Math.round(x * steps) / steps;
+    return [...position.toArray().map((x) => kept(x, 100)), ...quaternion.toArray().map((x) => kept(x, 10000)), kept(this.lookDistance(), 10)];
+  }
+
+  // Looks as an eye did.
+  seeAs([x, y, z, ...turn]) {
+    this.over = null;
+    this.camera.position.set(x, y, z);
+    this.camera.quaternion.fromArray(turn).normalize();
+    this.camera.updateMatrixWorld();
+    this.controls.target.copy(this.camera.position).addScaledVector(this.camera.getWorldDirection(new THREE.Vector3()), turn[4]);
+  }
+
   // Called once the tools are seen: looks from the side of the duct from which the left tool is on the left of a plain picture.
   takeSides({ poses }) {
     const [left, right] = ["left", "right"].map((name) => this.layout.tools.findIndex((tool) => tool.name === name));
@@ -174,6 +253,7 @@ export class Stage {
 
   // Looks as through the scope, from where the mouth and all of `points` (3,), in millimetres, are in the picture's room.
   lookOver(points) {
+    if (this.scope) return; // an assistant looks where it is told
     this.over = points;
     const low = points.map(([x, y]) => [x, y, this.mouth.z]); // where they will be lowered to
     const seen = [this.mouth.clone(), ...[...points, ...low].map((point) => new THREE.Vector3(...point))];
@@ -251,10 +331,14 @@ export class Stage {
     if (this.layout) this.setLayout(this.layout);
   }
 
+  // How far away what is looked at is, in millimetres.
+  lookDistance() {
+    return this.camera.position.distanceTo(this.controls.target);
+  }
+
   // Millimetres of one pixel of the page at the point looked at.
   mmPerPixel() {
-    const distance = this.camera.position.distanceTo(this.controls.target);
-    return (2 * distance * Math.tan(THREE.MathUtils.degToRad(0.5 * this.camera.fov))) / this.height;
+    return (2 * this.lookDistance() * Math.tan(THREE.MathUtils.degToRad(0.5 * this.camera.fov))) / this.height;
   }
 
   // While a person's hand has the left button, the right one turns the view.
@@ -298,7 +382,10 @@ export class Stage {
 
   // Whether the camera has moved since it was asked last.
   moved() {
-    return this.controls.update();
+    if (!this.scope) return this.controls.update();
+    const moved = this.scopeMoved;
+    this.scopeMoved = false;
+    return moved;
   }
 
   // Colour the duct by its strain, of the frame shown last, or as flesh.
@@ -315,12 +402,16 @@ export class Stage {
   }
 
   draw() {
-    const distance = this.camera.position.distanceTo(this.controls.target);
+    const distance = this.lookDistance();
+    this.lamp.intensity = LAMP * distance ** 2; // as a camera sets its shutter by what it looks at
     [this.scene.fog.near, this.scene.fog.far] = [distance + 20, 2.6 * distance + 120];
-    if (this.look === "coarse") lightFrom(this.camera, this.sun, this.scene.fog);
+    if (this.look === "coarse") lightFrom(this.camera, this.sun, this.scene.fog, distance);
     this.renderer.render(this.scene, this.camera);
   }
 }
+
+const LAMP = 2.6; // of the light at the lens, where it looks: it falls off with the square of the distance
+const MOST_NEAR_MM = 10; // that a scope looks at, wherever it looks
 
 const ghostly = () => new THREE.MeshBasicMaterial({ color: "#8fd8ff", transparent: true, opacity: 0.4, depthWrite: false });
 
