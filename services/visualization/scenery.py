@@ -89,7 +89,7 @@ def _gallbladder(layout: PictureLayout) -> Piece:
     sinks = 4.0 * (1.0 - np.exp(-0.012 * s**2))
     places = mouth + own_m * (s * away + 0.012 * s * np.maximum(0.0, s) * across - sinks * _UP)
     wide = np.array([[own_m * each, 0.0, 0.0] for each in _WIDE])
-    return _tube(places, spline(wide, 8)[:, 0], GALLBLADDER)
+    return _tube(places, spline(wide, 8)[:, 0].astype(np.float64), GALLBLADDER)
 
 
 def _tube(places: FloatArray, radii_m: FloatArray, look: TissueLook) -> Piece:
